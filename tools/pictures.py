@@ -5,6 +5,7 @@ page, say in a sentence how they were made. Pages are photographed by Chromium.
 """
 
 import argparse
+import io
 import os
 import re
 import subprocess
@@ -33,6 +34,23 @@ WITHIN_TRIAL: Final = re.compile(r"T0[1-9]\s+trial ends in\s+\d")
 PEOPLE: Final = "simulate stare --participants 8 --seed 1"
 """Sessions that several pictures show."""
 STUDY: Final = "data/dry_runs/stare_n8_seed1/simulated/stare"
+
+
+IN_HEADSET: Final = """
+from visavis import Factor, Rating, Study
+
+study = Study("apart", factors=[Factor("place", [1, 2])], on="browser", uses=(), calibrate=False,
+              xr="required", texts="apart_texts")
+
+
+@study.trial
+def trial(t):
+    yield t.ask(Rating("answer", 1, 9))
+"""
+CONSENT: Final = """consent: I agree that my answers and movements are kept without my name.
+"""
+HEADSET: Final = ROOT / "tests" / "running" / "page" / "headsets" / "standard.js"
+"""What a page meets in a headset's browser."""
 
 
 @dataclass(frozen=True)
@@ -68,13 +86,23 @@ class DeskRecipe:
 
 
 @dataclass(frozen=True)
+class EntryRecipe:
+    """The pages by which a headset comes into a study that `serve --lan` offers, side by side:
+    the code, the consent, and the button that enters VR.
+    """
+
+    study: str
+    screen_px: tuple[int, int] = (480, 600)
+
+
+@dataclass(frozen=True)
 class ByHand:
     """Why no command makes a picture, and how it was made."""
 
     how: str
 
 
-PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | ByHand]] = {
+PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | EntryRecipe | ByHand]] = {
     "stare_eyes.jpg": Recipe(("preview stare --trial 5 --png {file}",)),
     "crowd_eyes.jpg": Recipe(("preview crowd --trial 8 --at 3 --png {file}",)),
     "waving_eyes.jpg": Recipe(("preview waving --trial 16 --at 1.5 --png {file}",)),
@@ -104,6 +132,7 @@ PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | ByHand]] = {
     "walks_set_b.jpg": ByHand("`python -m benchmarks.blind_walks`, its tiles in rows of emotions"),
     "film_and_page.jpg": ByHand("`python -m benchmarks.live_figure --out FOLDER`"),
     "moulding_page.jpg": ByHand("the study of docs/moulding.md in Chromium, its slider moved"),
+    "headset_entry.jpg": EntryRecipe(IN_HEADSET),
     "headset_in_a_browser.jpg": ByHand(
         "what `tests/running/page/headsets/standard.js` drew for both eyes, 480 pixels each"
     ),
@@ -180,6 +209,8 @@ def make(name: str, shop: Workshop, folder: Path = FOLDER) -> Path | None:
             image = _moments(recipe)
         case DeskRecipe():
             image = _desk(recipe, shop)
+        case EntryRecipe():
+            image = _entry(recipe, shop)
         case Recipe():
             image = _by_commands(name, recipe, shop)
     path = folder / name
@@ -318,6 +349,63 @@ def _desk(recipe: DeskRecipe, shop: Workshop) -> Image.Image:
             process.terminate()
             process.communicate(timeout=60)
     return _at_most(image, 960)
+
+
+def _entry(recipe: EntryRecipe, shop: Workshop) -> Image.Image:
+    """Serve a study in a rehearsal, and come in as a headset's browser does."""
+    from playwright.sync_api import sync_playwright  # late: previews need no browser
+
+    (shop.folder / "apart.py").write_text(recipe.study, "utf-8")
+    (shop.folder / "apart_texts").mkdir()
+    (shop.folder / "apart_texts" / "en.yaml").write_text(CONSENT, "utf-8")
+    words = ["serve", "apart.py", "--lan", "--host", "localhost", "--port", "0", "--devices", "sim"]
+    process = subprocess.Popen(  # noqa: S603  # our own command
+        [sys.executable, "-m", "visavis.cli.main", *words],
+        cwd=shop.folder,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    out = process.stdout
+    assert out is not None  # noqa: S101  # it is a pipe
+    try:
+        address = next(found[0] for line in out if (found := re.search(r"https://\S+", line)))
+        code = next(line.strip() for line in out if re.fullmatch(r"\d{3} \d{3}", line.strip()))
+        with sync_playwright() as started:
+            program = next((p for p in CHROMIUM if Path(p).exists()), None)
+            browser = started.chromium.launch(executable_path=program, args=["--no-sandbox"])
+            width, height = recipe.screen_px
+            page = browser.new_context(
+                ignore_https_errors=True, viewport={"width": width, "height": height}
+            ).new_page()
+            page.set_default_timeout(MAX_WAIT_S * 1000)
+            page.add_init_script(path=HEADSET)
+            page.goto(address)
+            pictures = []
+
+            def look() -> None:
+                pictures.append(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
+
+            page.locator("#code").fill(code)
+            look()
+            page.keyboard.press("Enter")
+            page.locator("#code").wait_for(state="detached")
+            page.locator("#agree").check()
+            look()
+            go = page.locator("#main button:not(.quiet)")
+            go.click()
+            page.get_by_text("Put the headset on").wait_for()
+            go.scroll_into_view_if_needed()
+            look()
+            browser.close()
+    finally:
+        process.terminate()
+        process.communicate(timeout=60)
+    gap = np.full((height, 8, 3), 255, np.uint8)
+    tiles = [tile for picture in pictures for tile in (np.asarray(picture), gap)]
+    return Image.fromarray(np.hstack(tiles[:-1]))
 
 
 def main() -> None:
