@@ -146,7 +146,9 @@ def _passes(
     points_m: Vector, origin: Vector, along: Vector, within_m: float, distance_m: Vector
 ) -> npt.NDArray[np.bool_]:
     """Tell which rays (n,) pass some point (p, 3) closely before they end."""
-    return np.any(_near(points_m, origin, along, within_m, distance_m), axis=1)
+    near = _near(points_m, origin, along, within_m, distance_m)
+    passes: npt.NDArray[np.bool_] = np.any(near, axis=1)
+    return passes
 
 
 def _near(
