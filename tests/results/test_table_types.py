@@ -59,14 +59,28 @@ def test_words_in_a_column_of_numbers_are_refused():
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def written(tmp_path_factory):
+    """A study's folder, and the figures that were written to it."""
     rows = study_rows(4)
     people = anxiety_answers(4).assign(vision=[1, 2, 3, 1], drift_deg=[0.1, 0.2, 0.3, 0.4])
     out = tmp_path_factory.mktemp("tables")
     analysis = analysed(rows, people, varied=varied_rows(rows))
     asked = [questionnaire(name, study.folders) for name in study.asks.questionnaires]
-    write_study(analysis, experiment_of(), asked, ReportProvenance("stare", "1", ""), out)
-    return out
+    figures = []
+
+    def write(drawn, folder):
+        figures.append(drawn)
+        return write_figure(drawn, folder)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("visavis.results.outputs.write_figure", write)
+        write_study(analysis, experiment_of(), asked, ReportProvenance("stare", "1", ""), out)
+    return out, figures
+
+
+@pytest.fixture(scope="module")
+def folder(written):
+    return written[0]
 
 
 @pytest.mark.parametrize(
@@ -87,20 +101,9 @@ def test_coded_answers_have_the_levels_of_the_questionnaire(folder):
     assert described["age"]["Units"] == "years"
 
 
-def test_a_figure_is_let_go_of_once_it_is_written(tmp_path, monkeypatch):
-    rows = study_rows(4)
-    analysis = analysed(rows, anxiety_answers(4))
-    written = []
+def test_a_figure_is_let_go_of_once_it_is_written(written):
+    folder, figures = written
 
-    def write(drawn, folder):
-        written.append(drawn)
-        return write_figure(drawn, folder)
-
-    monkeypatch.setattr("visavis.results.outputs.write_figure", write)
-
-    asked = [questionnaire(name, study.folders) for name in study.asks.questionnaires]
-    write_study(analysis, experiment_of(), asked, ReportProvenance("stare", "1", ""), tmp_path)
-
-    assert len(written) > 3
-    assert [] == [d.name for d in written if d.figure.axes]
-    assert {d.name for d in written} == {p.stem for p in (tmp_path / "figures").glob("*.png")}
+    assert len(figures) > 3
+    assert [] == [d.name for d in figures if d.figure.axes]
+    assert {d.name for d in figures} == {p.stem for p in (folder / "figures").glob("*.png")}
