@@ -339,6 +339,17 @@ class FramesAhead(NamedTuple):
     heads: tuple[Vector, Vector]
     plan_number: int
 
+    def part(self, first: int, end: int) -> "FramesAhead":
+        """Return the frames from `first` up to, and without, `end`."""
+        heads_m, heads_wxyz = self.heads
+        return FramesAhead(
+            self.t_ns[first:end],
+            self.light_ns[first:end],
+            self.poses[first:end],
+            (heads_m[first:end], heads_wxyz[first:end]),
+            self.plan_number,
+        )
+
 
 @runtime_checkable
 class GazeAhead(Protocol):

@@ -1,12 +1,13 @@
 """One frame after another: draw, wait, take samples, evaluate gaze, record."""
 
 import threading
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import accumulate
-from typing import TypeAlias, cast
+from typing import Protocol, TypeAlias, cast
 
 import numpy as np
 
@@ -86,6 +87,21 @@ def without_ended_steps(steps: Sequence[Play | Silence]) -> list[Play | Silence]
         for i, step in enumerate(steps)
         if isinstance(step, Silence) or max(last_end.get(step.role, -1), last_end.get("", -1)) < i
     ]
+
+
+class FaultWatch(Protocol):
+    """Looks for faults of devices at some frames, also at those that are passed."""
+
+    check_due_ns: int
+    """When it looks next: in the first frame that begins then or later."""
+
+    def is_calm(self) -> bool:
+        """Tell whether nothing is wrong nor was, so that frames after a look can be told before."""
+        ...
+
+    def check(self) -> bool:
+        """Look for faults if that is due in the present frame; tell whether there are none."""
+        ...
 
 
 class FrameLoop:
@@ -260,46 +276,54 @@ class FrameLoop:
         self,
         quiet_until_ns: int = 0,
         update: Callable[[FrameView], SceneFrame | None] | None = None,
+        watch: FaultWatch | None = None,
     ) -> FrameView:
         """Draw the present view, wait for the next frame and return what it brought.
 
-        On a virtual clock, frames before `quiet_until_ns` are passed that bring nothing but head
-        and gaze that can wait; each is recorded as if it had been returned, and `update` says what
-        to show after it.
+        On a virtual clock, with a `watch`, frames before `quiet_until_ns` are passed that bring
+        nothing but head and gaze that can wait; each is recorded as if it had been returned, and
+        `update` says what to show after it. One in which the watch is due is returned, unless it is
+        known that it finds nothing.
         """
-        may_pass = self._at_once is not None and self._gaze_may_wait and bool(quiet_until_ns)
+        if watch is None or self._at_once is None or not self._gaze_may_wait:
+            return self._frame_view(self._begin_frame())
         idle_until_ns = 0
-        if may_pass and not (self._press_inbox or self._sound_onsets):
-            idle_until_ns = min(quiet_until_ns, self._rig.idle_until_ns())
+        has_news = bool(self._press_inbox or self._sound_onsets)
         while True:
-            self._pass_together(idle_until_ns, update)
+            if not has_news:
+                self._pass_together(quiet_until_ns, update, watch)
+                until_ns = min(quiet_until_ns, watch.check_due_ns)
+                idle_until_ns = min(until_ns, self._rig.idle_until_ns())
             frame = self._begin_frame()
             if frame.t_ns < idle_until_ns and self._rig.is_idle(frame.t_ns):
                 view = self._idle_frame_view(frame)
                 is_over = False
             else:
                 view = self._frame_view(frame)
-                is_over = not may_pass or frame.t_ns >= quiet_until_ns
+                is_over = frame.t_ns >= min(quiet_until_ns, watch.check_due_ns)
             if is_over or comes_back(view, update):
                 return view
-            if frame.t_ns >= idle_until_ns:
-                idle_until_ns = min(quiet_until_ns, self._rig.idle_until_ns())
+            has_news = False
             shown = None if update is None else update(view)
             if shown is not None:
                 self._view = shown
 
     def _pass_together(
-        self, until_ns: int, update: Callable[[FrameView], SceneFrame | None] | None
+        self,
+        until_ns: int,
+        update: Callable[[FrameView], SceneFrame | None] | None,
+        watch: FaultWatch,
     ) -> None:
-        """Pass frames in which no device has anything to do all at once, where headset and plan can
-        tell them ahead; what is recorded is what each would have recorded.
+        """Pass frames in which no device but the eye tracker has anything to do all at once, where
+        headset and plan can tell them ahead; what is recorded is what each would have recorded.
         """
         headset, stage, view = self._ahead, self._geometry, self._view
-        if not until_ns or headset is None or stage is None or view is None:
+        if headset is None or stage is None or view is None or not self._rig.gaze_waits_until_ns():
             return
         logged = self._logged_view
         if logged is None or logged.scene is not view.scene:
             return
+        until_ns = min(until_ns, self._rig.display_waits_until_ns())
         until_ns = min(until_ns, self._rig.others_idle_until_ns())
         ahead = headset.frames_ahead(until_ns, MAX_WAITING - len(self._waiting))
         if ahead is None:
@@ -312,17 +336,21 @@ class FrameLoop:
         n = len(ahead.t_ns)
         if isinstance(update, UpdateAhead) and update.stop is not None:
             n = self._frames_before_stop(ahead, update.stop)
+        if n and watch.check_due_ns <= ahead.t_ns[n - 1] and not watch.is_calm():
+            n = bisect_left(ahead.t_ns, watch.check_due_ns, 0, n)
         if n:
             n = self._see_together(headset, stage, ahead, pictures, n)
         if not n:
             return
         before = self._frame
-        last = headset.pass_frames(ahead, n)
+        if view is not logged:
+            self._log_view(view)
+        n = self._wait_together(headset, ahead, n, watch)
+        last = self._frame
         self._rig.is_idle(last.t_ns)
-        states = self._log_together(before.t_ns, ahead, pictures, n)
+        states = self._log_together(ahead, pictures, n)
         self.before_ns = ahead.t_ns[n - 2] if n > 1 else before.t_ns
         self.frames_done += n
-        self._frame = last
         foreseen = headset.head_foreseen()
         assert foreseen is not None  # noqa: S101 - frames ahead are those of a tracked head
         self.head, self.head_valid, self.head_seen = foreseen, True, True
@@ -334,6 +362,24 @@ class FrameLoop:
             update.pass_frames(pictures, gazes)
         if len(self._waiting) == MAX_WAITING:
             self.catch_up()
+
+    def _wait_together(
+        self, headset: FramesAtOnce, ahead: FramesAhead, n: int, watch: FaultWatch
+    ) -> int:
+        """Wait for n frames, with what the eye tracker and the watch have to do in some of them;
+        return for how many: fewer, where something was found.
+        """
+        end = 0
+        while end < n:
+            due_ns = min(self._rig.gaze_waits_until_ns(), watch.check_due_ns)
+            first, end = end, min(bisect_left(ahead.t_ns, due_ns, end, n) + 1, n)
+            self._frame = headset.pass_frames(ahead.part(first, end), end - first)
+            if self._frame.t_ns < due_ns:
+                continue
+            self._rig.step_gaze()
+            if not watch.check():
+                break
+        return end
 
     def _frames_before_stop(
         self, ahead: FramesAhead, stop: Callable[[GazeView], int | None]
@@ -383,13 +429,10 @@ class FrameLoop:
             light_ns = ahead.light_ns[i]
         return n
 
-    def _log_together(
-        self, before_ns: int, ahead: FramesAhead, pictures: Pictures | None, n: int
-    ) -> list[int]:
-        """Record what n frames show; return the number of the last state in each."""
-        view = self._view
-        if view is not None and view is not self._logged_view:
-            self._log_view(view)
+    def _log_together(self, ahead: FramesAhead, pictures: Pictures | None, n: int) -> list[int]:
+        """Record what n frames show after the first; return the number of the last state in
+        each.
+        """
         first = self._scene_states.rows - 1
         if pictures is None:
             return [first] * n

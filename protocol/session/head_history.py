@@ -69,7 +69,11 @@ class HeadHistory:
 
         A frame that is evaluated later stores it, so that later poses are not used for it.
         """
-        return self._newest[0], self._counts[0], self._newest[1], self._counts[1]
+        return self._extent(POSES_KEPT)
+
+    def _extent(self, most: int) -> tuple[int, int, int, int]:
+        a, b = self._counts
+        return self._newest[0], min(a, most), self._newest[1], min(b, most)
 
     def add_measured(self, t_ns: int, pose: Pose) -> None:
         """Remember where the head was at a time."""
@@ -95,19 +99,20 @@ class HeadHistory:
             put_round(orientation_wxyz, first, poses[:, kind, 3:])
             columns.append([i % _CAPACITY for i in range(first, first + n)])
             columns.append([min(i, POSES_KEPT) for i in range(count + 1, count + n + 1)])
-            self._newest[kind], self._counts[kind] = columns[-2][-1], columns[-1][-1]
+            self._newest[kind], self._counts[kind] = columns[-2][-1], count + n
         a, b, c, d = columns
         return list(zip(a, b, c, d, strict=True))
 
     def at(self, t_ns: int) -> tuple[Pose, float] | None:
         """Return the head at a time, and how many ms that is beyond the last measured pose.
 
+        All poses are searched, because a frame may be asked about when those after it have passed.
         None before the first pose; `NEVER_MEASURED` where poses are foreseen only.
         """
         if not any(self._counts):
             return None
         place, turn = np.empty(3), np.empty(4)
-        ahead_ms = head_at(self.poses, self.extent, t_ns, place, turn)
+        ahead_ms = head_at(self.poses, self._extent(_CAPACITY), t_ns, place, turn)
         return Pose(place, turn), ahead_ms
 
     def _add(self, kind: int, t_ns: int, pose: Pose) -> None:
@@ -116,8 +121,7 @@ class HeadHistory:
         t_kept_ns[i] = t_ns
         position_m[i] = pose.position_m
         orientation_wxyz[i] = pose.orientation_wxyz
-        if self._counts[kind] < POSES_KEPT:
-            self._counts[kind] += 1
+        self._counts[kind] += 1
 
 
 def heads_between(

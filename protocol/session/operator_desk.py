@@ -113,7 +113,8 @@ class OperatorDesk:
         self._repeats: list[Trial] = []
         self._answers: list[str] = []
         self._last_trial: Trial | None = None
-        self._next_check_ns = 0
+        self.check_due_ns = 0
+        """When faults are looked for next (`visavis.protocol.session.frame_loop.FaultWatch`)."""
         self._next_status_ns = 0
         self._messages: list[tuple[int, str]] = []
         self._prompt = ""
@@ -153,7 +154,7 @@ class OperatorDesk:
         while True:
             if is_passing:
                 frames_before = loop.frames_done
-                view = loop.next(min(quiet_until_ns, self._next_check_ns), update)
+                view = loop.next(quiet_until_ns, update, self)
                 self._stalls.skip(loop.frames_done - frames_before - 1, loop.before_ns)
             else:
                 view = loop.next()
@@ -162,9 +163,7 @@ class OperatorDesk:
                 self._note_stall(stood_ns)
             for command in self._operator.poll():
                 self._act(command)
-            if view.t_ns >= self._next_check_ns:
-                self._next_check_ns = view.t_ns + FAULT_CHECK_NS
-                self._look_for_faults()
+            self.check()
             period_ns = self._operator.status_period_ns
             if period_ns and view.t_ns >= self._next_status_ns:
                 self._next_status_ns = view.t_ns + period_ns
@@ -340,10 +339,25 @@ class OperatorDesk:
             self._interrupt_if_lost(0)
         return self.interrupt_reason
 
-    def _look_for_faults(self) -> None:
+    def is_calm(self) -> bool:
+        """Tell whether nothing has a fault, nor had one when that was looked at last."""
+        return not self._faults.present and not self._faults_now()
+
+    def check(self) -> bool:
+        """Look for faults if that is due in the present frame; tell whether there are none."""
+        t_ns = self._loop.t_ns
+        if t_ns >= self.check_due_ns:
+            self.check_due_ns = t_ns + FAULT_CHECK_NS
+            self._look_for_faults()
+        return not self._faults.present
+
+    def _faults_now(self) -> tuple[Fault, ...]:
         display_fault = self._loop.display_fault
         rig_faults = (f for f in self._rig.faults() if not self._is_idle_uncalibrated(f))
-        faults = (*rig_faults, *(() if display_fault is None else (display_fault,)))
+        return (*rig_faults, *(() if display_fault is None else (display_fault,)))
+
+    def _look_for_faults(self) -> None:
+        faults = self._faults_now()
         self._faults.look(faults, self._loop.t_ns, is_set_up=self._is_set_up)
         for fault in faults if self._in_trial else ():
             is_idle = fault.role in self._idle_roles and fault.severity == "warning"

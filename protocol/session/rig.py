@@ -306,12 +306,22 @@ class RunningRig:
 
         It holds until the next command to a device.
         """
+        return min(self.display_waits_until_ns(), self.gaze_waits_until_ns())
+
+    def display_waits_until_ns(self) -> int:
+        """Return the part of `idle_until_ns` that is all devices' but the eye tracker's."""
         if self._bands or self._rig.on_step is not None:
             return 0
-        until_ns = self._display_pump.put_off_until_ns()
-        if self._gaze_pump is None:
-            return until_ns
-        return min(until_ns, self._gaze_pump.put_off_until_ns())
+        return self._display_pump.put_off_until_ns()
+
+    def gaze_waits_until_ns(self) -> int:
+        """Return the part of `idle_until_ns` that is the eye tracker's."""
+        return NEVER_NS if self._gaze_pump is None else self._gaze_pump.put_off_until_ns()
+
+    def step_gaze(self) -> None:
+        """Do for the eye tracker alone what `step` does while gaze may wait."""
+        if self._gaze_pump is not None:
+            self._gaze_pump.step(may_wait=True)
 
     @property
     def has_sound(self) -> bool:

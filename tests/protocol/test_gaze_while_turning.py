@@ -6,7 +6,12 @@ import pytest
 from benchmarks.gaze_while_turning import HEADSETS, LIMIT_DEG, SOURCES, errors_deg
 from visavis.devices.sim.native_build import find_compiler
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
-from visavis.protocol.session.head_history import HeadHistory, heads_between
+from visavis.protocol.session.head_history import (
+    MAX_WAITING,
+    POSES_KEPT,
+    HeadHistory,
+    heads_between,
+)
 
 EYE = np.array([0.0, 1.2, 0.0])
 
@@ -97,3 +102,10 @@ def test_heads_of_many_samples_are_those_of_their_times() -> None:
     assert places == pytest.approx(np.tile(EYE, (4, 1)))
     assert heads_between([0], [pose(1.0)], np.array([7]))[0].shape == (1, 3)
     assert heads_between([], [], np.array([7]))[0].shape == (0, 3)
+
+
+def test_the_head_in_a_frame_is_known_when_many_have_passed_since() -> None:
+    history = HeadHistory()
+    for frame in range(POSES_KEPT + MAX_WAITING):
+        history.add_measured(frame * MS, pose(float(frame)))
+    assert yaw_and_beyond(history, 40 * MS) == (pytest.approx(40.0), 0.0)
