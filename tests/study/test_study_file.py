@@ -10,6 +10,8 @@ import pytest
 
 from tests.sessions import opened, perform
 from visavis.lab.errors import ConfigError, DesignError, UsageError
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import NextFrame, Plan
 from visavis.results.opened_study import find_study
 from visavis.results.selection import IS_ANALYSED, REASON
 from visavis.study.catalogue import study_of_file
@@ -52,6 +54,25 @@ def test_what_a_study_leaves_out_of_its_ranges_is_refused_before_its_own_check(
         study.experiment({"clip_s": 4})
     with pytest.raises(DesignError, match="own: no gaze 'up'; choose among averted, directed"):
         study.experiment({"gaze": ["averted", "up"]})
+
+
+def test_reading_a_trial_passes_quiet_frames_as_a_session_does() -> None:
+    def frames_s(quiet_until_ns: int) -> tuple[list[float], float]:
+        asked_s: list[float] = []
+
+        def plan(_: TrialScript) -> Plan:
+            view = yield NextFrame()
+            while view.t_ns < 2_100_000_000:
+                asked_s.append(view.t_ns / 1e9)
+                view = yield NextFrame(quiet_until_ns)
+            return {}
+
+        settings = opened("duel").experiment({}).settings
+        return asked_s, read_trial(plan, Trial("T1", 1, 0, False, {}, 1), settings).seconds
+
+    each_s, lasts_s = frames_s(0)
+    assert [0.25, 0.5, 0.75] == each_s[:3]
+    assert ([0.25, 1.75, 2.0], lasts_s) == frames_s(1_600_000_000)
 
 
 def test_plan_is_pure() -> None:

@@ -4,6 +4,7 @@ A trial is a generator, so it can be run through with made-up replies: every con
 that the needs of the study (agents, responses, devices, time) are known in advance.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
@@ -239,7 +240,9 @@ def read_trial(
                     reply = Moulded(starts, (), "button", ANSWER_S * len(starts))
             # Steps of the engine, which a study uses where it needs single frames.
             elif isinstance(step, NextFrame):
-                seconds += FRAME_S
+                # The first frame that is not quiet comes back, as in a session.
+                quiet_s = step.quiet_until_ns / NS_PER_S - seconds
+                seconds += FRAME_S * max(1, math.ceil(quiet_s / FRAME_S))
                 reply = script.view = still_view(round(seconds * NS_PER_S))
             elif isinstance(step, Show):
                 agents = max(agents, len(step.view.scene.agents))
