@@ -261,7 +261,7 @@ class StudyExperiment:
         if any("pointer" in t.rests_on for t in self.read.values()):
             raise DesignError(
                 f'{self.name}: reveal="pointer" is for pages; write on="browser" in the study (or '
-                "give --on browser), or leave it out and measure gaze with an eye tracker"
+                'give --on browser), or let the window follow gaze: reveal="gaze"'
             )
         for live in self.lives:
             if isinstance(live, LiveFilm):
