@@ -10,10 +10,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
-from visavis.analysis.report.notation import count_of
 from visavis.analysis.session_check import check_session
 from visavis.analysis.session_verdict import Level
 from visavis.cli.app import (
@@ -35,17 +33,16 @@ from visavis.cli.doctor.station import station_findings
 from visavis.cli.lab_companion import LabCompanion
 from visavis.cli.notifier import counting, make_ready, prepare_pages
 from visavis.cli.operator_screen import TerminalOperator
+from visavis.cli.plan_sheet import as_operators_read, luminance_words, print_plan
 from visavis.cli.questions import TerminalRespondent
 from visavis.cli.studies import StudyHere, require_session, study_here, study_of_lab
 from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
-from visavis.lab.luminance import NO_LUMINANCES
 from visavis.protocol.people.identifiers import make_label
 from visavis.protocol.people.ledger import Ledger, Participant, UnknownParticipant
 from visavis.protocol.people.own_body import OwnBody, read_own_body
 from visavis.protocol.plan.experiment import Experiment, demands_of, spare_roles_of
-from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.session.operator import Operator, UnattendedOperator
 from visavis.recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from visavis.recording.reader import Recording
@@ -79,12 +76,10 @@ from visavis.running.sessions.study_folder import (
     refuse_other,
     study_of_folder,
 )
-from visavis.stimuli.flat import Dots, Grating, Shape
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import typed_reference
-from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
-from visavis.study.texts import DEFAULT_LANGUAGE, Texts, label_of
+from visavis.study.texts import DEFAULT_LANGUAGE
 
 BODIES = ("female", "male")
 MIN_STATURE_M, MAX_STATURE_M = 1.2, 2.3
@@ -169,18 +164,18 @@ def plan(
     if here.study.study.procedure.on == "lab":  # a page needs none of the lab's devices
         plan_inputs.experiment.check_at_devices()
         check_rig(devices_for(lab, plan_inputs.experiment))
-        light_lines = _luminance_words(lab, plan_inputs.experiment)
+        light_lines = luminance_words(lab, plan_inputs.experiment)
     else:
         film_store(plan_inputs.experiment)  # raises where no page can perform it
         require_roles_of_pages(plan_inputs.experiment)
         plan_inputs.experiment.check_in_headset()
     experiment = plan_inputs.experiment.of_session(session)
     session_plan = experiment.plan(plan_inputs.index, plan_inputs.seed, plan_inputs.group)
-    session_plan = _as_operators_read(session_plan, here.study.study)
+    session_plan = as_operators_read(session_plan, here.study.study)
     if as_json:
         say_json(asdict(session_plan))
     else:
-        _print_plan(session_plan, plan_inputs.label, plan_inputs.note, experiment)
+        print_plan(session_plan, plan_inputs.label, plan_inputs.note, experiment)
         for line in light_lines:
             console.print(f"[dim]{verbatim(line)}[/]", soft_wrap=True)
     if not as_json:
@@ -259,115 +254,6 @@ def _place_shown(
         "",
         f"{unknown_one}Shown is place {index + 1}, which {person} would get now.",
     )
-
-
-def _luminance_words(lab: LabConfig, experiment: StudyExperiment) -> list[str]:
-    """Return what is known of the light of a study's greys and pictures before a monitor."""
-    luminance = lab.luminance
-    has_greys = any(isinstance(item, Grating | Dots | Shape) for item in experiment.flats)
-    if lab.display.on_screen is None:
-        return []
-    if luminance is None:
-        return [NO_LUMINANCES] * has_greys
-    lines = [f"greys and contrasts are of light: {luminance.summary}"] * has_greys
-    if experiment.pictures or experiment.videos:
-        lines.append("pictures and films keep their values, which no table corrects")
-    least, greatest = luminance.least_contrast_01, luminance.greatest_contrast_01
-    asked = sorted({item.contrast_01 for item in experiment.flats if isinstance(item, Grating)})
-    faint = ", ".join(f"{c:g}" for c in asked if 0.0 < c < least)
-    strong = ", ".join(f"{c:g}" for c in asked if c > greatest)
-    if faint:
-        lines.append(
-            f"gratings of contrast {faint} are below {least:.3f}, the least of this screen, and "
-            "are drawn with that or none, whichever is nearer"
-        )
-    if strong:
-        lines.append(
-            f"gratings of contrast {strong} are above {greatest:.3f}, the greatest of this screen, "
-            "and are drawn with that"
-        )
-    return lines
-
-
-def _as_operators_read(session_plan: SessionPlan, study: Study) -> SessionPlan:
-    """Return a plan without group and the factors between people, where the study is blind."""
-    if not study.procedure.blind:
-        return session_plan
-    between = {factor.name for factor in study.design.factors if factor.between}
-
-    def shown(trial: Trial) -> Trial:
-        factors = {name: level for name, level in trial.factors.items() if name not in between}
-        return replace(trial, factors=factors)
-
-    blocks = (replace(b, trials=tuple(map(shown, b.trials))) for b in session_plan.blocks)
-    group = study.procedure.shown_group(session_plan.group)
-    return replace(session_plan, group=group, blocks=tuple(blocks))
-
-
-def _print_plan(
-    session_plan: SessionPlan, label: str, note: str, experiment: StudyExperiment
-) -> None:
-    criterion, sessions = (
-        experiment.study.design.practice_until,
-        experiment.study.design.sessions,
-    )
-    console.print(
-        f"[b]{verbatim(session_plan.study)}[/b]  "
-        + (f"participant [b]{verbatim(label)}[/b]  " if label else "[b]next new participant[/b]  ")
-        + f"place {session_plan.participant_index + 1}  "
-        f"seed {session_plan.seed}"
-        + (f"  group {session_plan.group}" if session_plan.group else "")
-        + (
-            f"  session {experiment.session} of {len(sessions)}: "
-            f"{verbatim(sessions[experiment.session - 1])}"
-            if sessions
-            else ""
-        )
-    )
-    if note:
-        console.print(f"[yellow]{verbatim(note)}[/]")
-    for block in session_plan.blocks:
-        calibration = "calibration and validation first" if block.calibrate else ""
-        table = Table(title=f"{block.name}  ({calibration})" if calibration else block.name)
-        table.title_justify = "left"
-        names = list(dict.fromkeys(k for t in block.trials for k in t.factors))
-        for name in ("trial", *names):
-            # A space lets the table wrap the heading; a cell is folded, never cut off.
-            table.add_column(name.replace("_", " "), overflow="fold")
-        for trial in block.trials:
-            table.add_row(trial.trial_id, *(str(trial.factors.get(n, "")) for n in names))
-        console.print(table)
-        if block.questionnaires:
-            console.print(f"then {', '.join(block.questionnaires)}")
-    total = sum(not t.is_practice for t in session_plan.trials)
-    practice = len(session_plan.trials) - total
-    blocks = sum(any(not t.is_practice for t in b.trials) for b in session_plan.blocks)
-    console.print(
-        f"{count_of(total, 'trial')} in {count_of(blocks, 'block')}, {practice} practice; then "
-        f"{', '.join(session_plan.questionnaires) or 'no questions'}."
-    )
-    if criterion is not None:
-        console.print(verbatim(criterion.words), soft_wrap=True)
-    for legend in legends(session_plan, experiment.texts):
-        console.print(f"[dim]{verbatim(legend)}[/]", soft_wrap=True)
-
-
-def legends(session_plan: SessionPlan, texts: Texts) -> Iterator[str]:
-    """Yield a line for each factor whose reports use other names for its levels."""
-    levels: dict[str, dict[str, None]] = {}
-    for trial in session_plan.trials:
-        for name, level in trial.factors.items():
-            levels.setdefault(name, {})[str(level)] = None
-    for name, factor_levels in levels.items():
-        level_labels = [
-            f"{level} {label}"
-            for level in sorted(factor_levels)
-            if (label := label_of(texts, level)) != level.replace("_", " ")
-        ]
-        if level_labels:
-            factor_label = label_of(texts, name)
-            same = factor_label == name.replace("_", " ")
-            yield f"{name}{'' if same else f' ({factor_label})'}: {', '.join(level_labels)}"
 
 
 @app.command()

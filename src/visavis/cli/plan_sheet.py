@@ -1,0 +1,126 @@
+"""What `visavis plan` prints: trials in their order, for whom, and the light of what they show."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from rich.table import Table
+
+from visavis.analysis.report.notation import count_of
+from visavis.cli.app import console, verbatim
+from visavis.lab.config import LabConfig
+from visavis.lab.luminance import NO_LUMINANCES
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
+from visavis.stimuli.flat import Dots, Grating, Shape
+from visavis.study.declaration import Study
+from visavis.study.experiment import StudyExperiment
+from visavis.study.texts import Texts, label_of
+
+
+def luminance_words(lab: LabConfig, experiment: StudyExperiment) -> list[str]:
+    """Return what is known of the light of a study's greys and pictures before a monitor."""
+    luminance = lab.luminance
+    has_greys = any(isinstance(item, Grating | Dots | Shape) for item in experiment.flats)
+    if lab.display.on_screen is None:
+        return []
+    if luminance is None:
+        return [NO_LUMINANCES] * has_greys
+    lines = [f"greys and contrasts are of light: {luminance.summary}"] * has_greys
+    if experiment.pictures or experiment.videos:
+        lines.append("pictures and films keep their values, which no table corrects")
+    least, greatest = luminance.least_contrast_01, luminance.greatest_contrast_01
+    asked = sorted({item.contrast_01 for item in experiment.flats if isinstance(item, Grating)})
+    faint = ", ".join(f"{c:g}" for c in asked if 0.0 < c < least)
+    strong = ", ".join(f"{c:g}" for c in asked if c > greatest)
+    if faint:
+        lines.append(
+            f"gratings of contrast {faint} are below {least:.3f}, the least of this screen, and "
+            "are drawn with that or none, whichever is nearer"
+        )
+    if strong:
+        lines.append(
+            f"gratings of contrast {strong} are above {greatest:.3f}, the greatest of this screen, "
+            "and are drawn with that"
+        )
+    return lines
+
+
+def as_operators_read(session_plan: SessionPlan, study: Study) -> SessionPlan:
+    """Return a plan without group and the factors between people, where the study is blind."""
+    if not study.procedure.blind:
+        return session_plan
+    between = {factor.name for factor in study.design.factors if factor.between}
+
+    def shown(trial: Trial) -> Trial:
+        factors = {name: level for name, level in trial.factors.items() if name not in between}
+        return replace(trial, factors=factors)
+
+    blocks = (replace(b, trials=tuple(map(shown, b.trials))) for b in session_plan.blocks)
+    group = study.procedure.shown_group(session_plan.group)
+    return replace(session_plan, group=group, blocks=tuple(blocks))
+
+
+def print_plan(
+    session_plan: SessionPlan, label: str, note: str, experiment: StudyExperiment
+) -> None:
+    """Print the trials of every block in a table, for whom they are, and what comes beside them."""
+    criterion, sessions = (
+        experiment.study.design.practice_until,
+        experiment.study.design.sessions,
+    )
+    console.print(
+        f"[b]{verbatim(session_plan.study)}[/b]  "
+        + (f"participant [b]{verbatim(label)}[/b]  " if label else "[b]next new participant[/b]  ")
+        + f"place {session_plan.participant_index + 1}  "
+        f"seed {session_plan.seed}"
+        + (f"  group {session_plan.group}" if session_plan.group else "")
+        + (
+            f"  session {experiment.session} of {len(sessions)}: "
+            f"{verbatim(sessions[experiment.session - 1])}"
+            if sessions
+            else ""
+        )
+    )
+    if note:
+        console.print(f"[yellow]{verbatim(note)}[/]")
+    for block in session_plan.blocks:
+        calibration = "calibration and validation first" if block.calibrate else ""
+        table = Table(title=f"{block.name}  ({calibration})" if calibration else block.name)
+        table.title_justify = "left"
+        names = list(dict.fromkeys(k for t in block.trials for k in t.factors))
+        for name in ("trial", *names):
+            # A space lets the table wrap the heading; a cell is folded, never cut off.
+            table.add_column(name.replace("_", " "), overflow="fold")
+        for trial in block.trials:
+            table.add_row(trial.trial_id, *(str(trial.factors.get(n, "")) for n in names))
+        console.print(table)
+        if block.questionnaires:
+            console.print(f"then {', '.join(block.questionnaires)}")
+    total = sum(not t.is_practice for t in session_plan.trials)
+    practice = len(session_plan.trials) - total
+    blocks = sum(any(not t.is_practice for t in b.trials) for b in session_plan.blocks)
+    console.print(
+        f"{count_of(total, 'trial')} in {count_of(blocks, 'block')}, {practice} practice; then "
+        f"{', '.join(session_plan.questionnaires) or 'no questions'}."
+    )
+    if criterion is not None:
+        console.print(verbatim(criterion.words), soft_wrap=True)
+    for legend in legends(session_plan, experiment.texts):
+        console.print(f"[dim]{verbatim(legend)}[/]", soft_wrap=True)
+
+
+def legends(session_plan: SessionPlan, texts: Texts) -> Iterator[str]:
+    """Yield a line for each factor whose reports use other names for its levels."""
+    levels: dict[str, dict[str, None]] = {}
+    for trial in session_plan.trials:
+        for name, level in trial.factors.items():
+            levels.setdefault(name, {})[str(level)] = None
+    for name, factor_levels in levels.items():
+        level_labels = [
+            f"{level} {label}"
+            for level in sorted(factor_levels)
+            if (label := label_of(texts, level)) != level.replace("_", " ")
+        ]
+        if level_labels:
+            factor_label = label_of(texts, name)
+            same = factor_label == name.replace("_", " ")
+            yield f"{name}{'' if same else f' ({factor_label})'}: {', '.join(level_labels)}"
