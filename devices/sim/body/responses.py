@@ -22,13 +22,12 @@ from visavis.devices.contracts import (
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.lifecycle import Lifecycle, OnSessionClock
 from visavis.devices.meter import StreamMeter
-from visavis.devices.sim.body.spec import SIMULATED_RESPONSES
+from visavis.devices.sim.body.spec import SIMULATED_CONTROLS, SIMULATED_RESPONSES
 from visavis.devices.sim.wire_noise import WireNoise
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, ProtocolViolation
 from visavis.lab.schema import SampleBatch, StreamSchema
 
-DEFAULT_CONTROLS = ("trigger",)
 AWAY = "the simulated response device is away"
 REMEDY = "look at its batteries and its connection"
 NEVER_NS = 2**62
@@ -45,7 +44,7 @@ class SimulatedResponses(OnSessionClock):
         body: Body,
         clock: Clock,
         *,
-        controls: Sequence[str] = DEFAULT_CONTROLS,
+        controls: Sequence[str] = SIMULATED_CONTROLS,
         faults: FaultSchedule | None = None,
         seed: int = 0,
     ) -> None:

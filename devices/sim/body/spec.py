@@ -41,6 +41,8 @@ SIMULATED_BODY = DriverSpec(
     ),
     wire=Wire(carries="nothing"),
 )
+SIMULATED_CONTROLS = ("trigger",)
+"""What a simulated response device has where nothing else is asked for."""
 SIMULATED_RESPONSES = DriverSpec(
     name="simulated_responses",
     kind="responses",

@@ -11,12 +11,15 @@ from visavis.devices.contracts import Body, Device, EyeTracker, Headset, MovingB
 from visavis.devices.registry import driver_spec
 from visavis.devices.screen.display import ScreenDisplay
 from visavis.devices.screen.resting_body import BodyBeforeScreen, MovingBodyBeforeScreen
+from visavis.devices.sim.body.spec import SIMULATED_CONTROLS, SIMULATED_RESPONSES
 from visavis.lab.clock import Clock
-from visavis.lab.config import LabConfig, is_own_role
+from visavis.lab.config import DeviceConfig, LabConfig, is_own_role
 from visavis.lab.errors import ConfigError, UsageError
 from visavis.lab.geometry import Pose
 from visavis.protocol.plan.experiment import Experiment, demands_of, spare_roles_of
 from visavis.protocol.session.rig import Rig
+from visavis.study.experiment import StudyExperiment
+from visavis.study.responses import Keys
 
 ESSENTIAL_ROLES = ("headset", "screen", "eye_tracker")
 """What a lab is expected to have, one of the first two; a study may do without the eye tracker."""
@@ -114,7 +117,8 @@ def devices_for(
     """Leave out devices that a study does not use, and those the operator goes on `without`.
 
     Raises:
-        ConfigError: a device that the study cannot do without is not configured.
+        ConfigError: a device that the study cannot do without is not configured, or a key that it
+            asks for is none of the responses' controls, as far as the configuration tells them.
         UsageError: the study cannot go on without one that was to be left out.
     """
     needed_roles, useful = experiment.needed_roles, experiment.useful_roles
@@ -141,7 +145,29 @@ def devices_for(
     devices = {r: d for r, d in config.devices.items() if r in roles or is_own_role(r)}
     for role in without:
         devices.pop(role, None)
+    if "responses" in devices:
+        _check_keys(config, devices["responses"], experiment)
     return config.model_copy(update={"devices": devices})
+
+
+def _check_keys(config: LabConfig, device: DeviceConfig, experiment: Experiment) -> None:
+    """Refuse keys that are none of the controls that a configuration tells.
+
+    Raises:
+        ConfigError: naming the first.
+    """
+    if not isinstance(experiment, StudyExperiment):
+        return
+    is_simulated = device.driver == SIMULATED_RESPONSES.name
+    controls = SIMULATED_CONTROLS if is_simulated else tuple(device.options.get("controls") or ())
+    keys = [r for r in experiment.responses.values() if isinstance(r, Keys)]
+    for key in (str(option) for response in keys for option in response.options):
+        if controls and key not in controls:
+            raise ConfigError(
+                f"{config.path}: {experiment.name} asks for the key {key!r}, which is not one of "
+                f"{', '.join(controls)} of devices.responses; name this control in the "
+                "configuration (a driver that has it, such as keyboard), or ask for one of these"
+            )
 
 
 def check_room(config: LabConfig, experiment: Experiment) -> None:
