@@ -93,6 +93,7 @@ from visavis.study.scenes import Scene as Scene
 from visavis.study.scenes import Staging as Staging
 from visavis.study.sections import Conclusion as Conclusion
 from visavis.study.sections import Confusion as Confusion
+from visavis.study.signal_detection import detection as detection
 from visavis.study.source import Fact as Fact
 from visavis.study.source import PrintedOrder as PrintedOrder
 from visavis.study.source import Source as Source

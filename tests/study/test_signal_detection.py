@@ -1,0 +1,95 @@
+"""Signal detection: counts, the log-linear correction, and comparisons of people over cells."""
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from visavis.cli.quick_tracker import tracker_of
+from visavis.lab.errors import DesignError
+from visavis.results.opened_study import find_study
+from visavis.running.quick import quick_study
+from visavis.study.measures import aggregate_cells
+from visavis.study.signal_detection import detection
+
+OLD = detection("answer", yes="f", signal="face", present="old")
+
+
+def rows(hits: int, misses: int, alarms: int, rejections: int, **more: Any) -> pd.DataFrame:
+    answers = [("old", "f")] * hits + [("old", "j")] * misses
+    answers += [("new", "f")] * alarms + [("new", "j")] * rejections
+    return pd.DataFrame(answers, columns=["face", "answer"]).assign(participant="S01", **more)
+
+
+def measured(trials: pd.DataFrame, *factors: str) -> dict[str, float]:
+    (row,) = aggregate_cells(trials, OLD, factors).to_dict("records")
+    return {str(k).removeprefix("answer_"): v for k, v in row.items() if "answer" in str(k)}
+
+
+def test_rates_are_shares_and_sensitivity_takes_them_with_the_correction() -> None:
+    # (15 + .5) / 21 = .738095, z = .637484; (5 + .5) / 21 = .261905, z = -.637484
+    row = measured(rows(15, 5, 5, 15))
+    assert {"hit_01": 0.75, "false_alarm_01": 0.25} == {k: row[k] for k in list(row)[2:]}
+    assert (1.274968, 0.0) == pytest.approx((row["dprime"], row["criterion"]), abs=1e-5)
+
+
+def test_who_always_says_yes_has_no_sensitivity_and_a_low_criterion() -> None:
+    # (10 + .5) / 11 = .954545 in both, z = 1.690622
+    row = measured(rows(10, 0, 10, 0))
+    assert (0.0, -1.690622) == pytest.approx((row["dprime"], row["criterion"]), abs=1e-5)
+
+
+def test_who_is_always_right_has_a_number() -> None:
+    row = measured(rows(10, 0, 0, 10))
+    assert (2 * 1.690622, 0.0) == pytest.approx((row["dprime"], row["criterion"]), abs=1e-5)
+
+
+def test_trials_without_an_answer_are_left_out_and_a_cell_needs_both_kinds() -> None:
+    trials = rows(15, 5, 5, 15)
+    none = trials.assign(answer=None)
+    assert measured(trials) == measured(pd.concat([trials, none]))
+    assert all(pd.isna(v) for v in measured(rows(5, 5, 0, 0)).values())
+
+
+def test_what_tells_of_a_signal_is_no_factor_of_cells_apart() -> None:
+    assert {} == {
+        k: v for k, v in aggregate_cells(rows(1, 1, 1, 1), OLD, ["face"]).items() if "_01" in str(k)
+    }
+
+
+def test_an_answer_does_not_tell_of_its_own_signal() -> None:
+    with pytest.raises(DesignError, match="is both the answer and what tells of a signal"):
+        detection("answer", yes="f", signal="answer", present="f")
+
+
+STUDY = """
+from visavis import Compare, Factor, Keys, Study, Text, detection
+
+study = Study(
+    "memory", "Are smiling faces remembered better?",
+    factors=[Factor("face", ["old", "new"]), Factor("mouth", ["smile", "rest"])], repetitions=20,
+    calibrate=False,
+    measures=[*detection("answer", yes="f", signal="face", present="old")],
+    compare=[Compare("answer_dprime", within="mouth", expects="smile > rest")],
+)
+
+@study.trial
+def trial(t):
+    yield t.show(Text(f"{t.face} {t.mouth}"), until=Keys("f", "j"), limit_s=2)
+
+@study.answer
+def answer(seen, response, rng):
+    face, mouth = seen.stimuli[0].text.split()
+    is_right = rng.random() < (0.95 if mouth == "smile" and seen.effect else 0.6)
+    return "f" if (face == "old") == is_right else "j"
+"""
+
+
+def test_a_comparison_finds_a_planted_sensitivity(tmp_path: Path) -> None:
+    (tmp_path / "memory.py").write_text(STUDY, "utf-8")
+    study = find_study(str(tmp_path / "memory.py"))
+    trials = quick_study(study, study.experiment({}), tracker_of, [0], seed=1).trials
+    cells = aggregate_cells(trials, study.study.analysis.measures, ["mouth"])
+    by_mouth = cells.groupby("mouth")["answer_dprime"].mean()
+    assert by_mouth["smile"] > by_mouth["rest"] + 1
