@@ -21,9 +21,7 @@ study = Study("pressed", "S", factors=[Factor("a", [1, 2])], calibrate=False)
 def trial(t):
     yield t.show(Text("+"), until=Keys("answer", KEYS), limit_s=1)
 """
-NOT_THERE = (
-    r"pressed asks for the key 'f', which is not one of trigger .*name this control"
-)
+NOT_THERE = r"pressed asks for the key 'f', which is not one of trigger .*name this control"
 
 
 def written(folder: Path, keys: str) -> Path:

@@ -22,7 +22,7 @@ from visavis.devices.contracts import (
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.lifecycle import Lifecycle, OnSessionClock
 from visavis.devices.meter import StreamMeter
-from visavis.devices.sim.body.spec import SIMULATED_CONTROLS, SIMULATED_RESPONSES
+from visavis.devices.sim.body.spec import SIMULATED_RESPONSES, SimulatedResponsesOptions
 from visavis.devices.sim.wire_noise import WireNoise
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, ProtocolViolation
@@ -44,7 +44,7 @@ class SimulatedResponses(OnSessionClock):
         body: Body,
         clock: Clock,
         *,
-        controls: Sequence[str] = SIMULATED_CONTROLS,
+        controls: Sequence[str] = SimulatedResponsesOptions.controls,
         faults: FaultSchedule | None = None,
         seed: int = 0,
     ) -> None:

@@ -1,5 +1,7 @@
 """Devices that exist in simulation only: what they measure is a simulated participant's body."""
 
+from typing import ClassVar
+
 from pydantic import Field
 
 from visavis.devices.options import SimulatedOptions
@@ -22,7 +24,9 @@ class SimulatedBodyOptions(SimulatedOptions):
 
 
 class SimulatedResponsesOptions(SimulatedOptions):
-    """Options of `simulated_responses`."""
+    """Options of `simulated_responses`, which always has the same `controls`."""
+
+    controls: ClassVar[tuple[str, ...]] = ("trigger",)
 
 
 SIMULATED_HEADSET = DriverSpec(
@@ -41,8 +45,6 @@ SIMULATED_BODY = DriverSpec(
     ),
     wire=Wire(carries="nothing"),
 )
-SIMULATED_CONTROLS = ("trigger",)
-"""What a simulated response device has where nothing else is asked for."""
 SIMULATED_RESPONSES = DriverSpec(
     name="simulated_responses",
     kind="responses",

@@ -11,7 +11,6 @@ from visavis.devices.contracts import Body, Device, EyeTracker, Headset, MovingB
 from visavis.devices.registry import driver_spec
 from visavis.devices.screen.display import ScreenDisplay
 from visavis.devices.screen.resting_body import BodyBeforeScreen, MovingBodyBeforeScreen
-from visavis.devices.sim.body.spec import SIMULATED_CONTROLS, SIMULATED_RESPONSES
 from visavis.lab.clock import Clock
 from visavis.lab.config import DeviceConfig, LabConfig, is_own_role
 from visavis.lab.errors import ConfigError, UsageError
@@ -158,8 +157,7 @@ def _check_keys(config: LabConfig, device: DeviceConfig, experiment: Experiment)
     """
     if not isinstance(experiment, StudyExperiment):
         return
-    is_simulated = device.driver == SIMULATED_RESPONSES.name
-    controls = SIMULATED_CONTROLS if is_simulated else tuple(device.options.get("controls") or ())
+    controls = tuple(getattr(checked_device(device)[0], "controls", None) or ())
     keys = [r for r in experiment.responses.values() if isinstance(r, Keys)]
     for key in (str(option) for response in keys for option in response.options):
         if controls and key not in controls:
