@@ -89,7 +89,7 @@ SMALL: dict[str, dict[str, Any]] = {
 """Parameters that make a study short."""
 SHORT_COUNTS: dict[str, dict[str, Any]] = {"crowd": {"came_back": None, "surface": "capsules"}}
 """Settings of the analysis with which short trials count, and are measured quickly."""
-FOR_NULL_SET: dict[str, dict[str, Any]] = {"crowd": {"configuration": [1, 2]}}
+FOR_NULL_SET: dict[str, dict[str, Any]] = {"crowd": {"configuration": [1]}}
 """Parameters of the null run where short trials hold nothing to compare."""
 TINY_PX = (96, 60)
 
