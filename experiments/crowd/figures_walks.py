@@ -24,7 +24,7 @@ from visavis.study.sections import TrialToSee
 
 WALKS: Final = "walks"
 AREA_PT2_PER_DM3: Final = 30.0
-LEAST_AREA_PT2: Final = 6.0
+MIN_AREA_PT2: Final = 6.0
 
 
 def walks_figure(
@@ -55,14 +55,14 @@ def walks_figure(
         is_simulated=analysis.is_simulated,
         data=csv_text(_data(walks, contacts).assign(is_simulated=analysis.is_simulated)),
     )
-    shown = [
-        TrialToSee(*key_of_row(walk), f"{walk['condition']}: {_said(walk, mine)}")
+    to_see = [
+        TrialToSee(*key_of_row(walk), f"{walk['condition']}: {_reason_of(walk, mine)}")
         for walk, mine in zip(walks, contacts, strict=True)
     ]
-    return figure, tuple(shown)
+    return figure, tuple(to_see)
 
 
-def _said(walk: pd.Series, contacts: pd.DataFrame) -> str:
+def _reason_of(walk: pd.Series, contacts: pd.DataFrame) -> str:
     length = walk.get("path_m")
     far = "" if length is None or length != length else f"{decimal(float(length), 1)} m, "
     return f"{far}{count_of(len(contacts), 'collision')}, the median length of its block"
@@ -130,7 +130,7 @@ def _walk(axes: Axes, way_m: Vector, contacts: pd.DataFrame) -> None:
     if len(contacts):
         x, y = (contacts[["x_m", "z_m"]].to_numpy(float) * UPRIGHT).T
         volume_dm3 = np.nan_to_num(contacts["max_volume_dm3"].to_numpy(float))
-        area = LEAST_AREA_PT2 + AREA_PT2_PER_DM3 * volume_dm3
+        area = MIN_AREA_PT2 + AREA_PT2_PER_DM3 * volume_dm3
         axes.scatter(x, y, area, color=VERMILION, alpha=0.6, linewidths=0, zorder=4)
 
 
@@ -140,10 +140,10 @@ def _data(walks: Sequence[pd.Series], contacts: Sequence[pd.DataFrame]) -> pd.Da
     for walk, mine in zip(walks, contacts, strict=True):
         way = pd.DataFrame(_way_m(walk["track_m"]), columns=["x_m", "z_m"])
         columns = ["x_m", "z_m", "start_s", "person", "max_volume_dm3"]
-        met = mine[[c for c in columns if c in mine]]
+        collisions = mine[[c for c in columns if c in mine]]
         key = {"participant": walk["participant"], "trial_id": walk["trial_id"]}
         key["condition"] = walk["condition"]
-        tables += [way.assign(**key, is_of="way"), met.assign(**key, is_of="collision")]
+        tables += [way.assign(**key, is_of="way"), collisions.assign(**key, is_of="collision")]
     every = pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
     first = [c for c in ("participant", "trial_id", "condition", "is_of") if c in every]
     return every[[*first, *(c for c in every if c not in first)]]

@@ -71,9 +71,9 @@ def paths_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra
 
 def walks_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
     """Return single walks from above, with where they met people."""
-    figure, shown = walks_figure(analysis, analysis.further[0])
+    figure, walks = walks_figure(analysis, analysis.further[0])
     section = Section("walks", "Walks and contacts", (picture_of(figure),))
-    return Extra(section, (figure,), shown=shown)
+    return Extra(section, (figure,), trials=walks)
 
 
 def body_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:

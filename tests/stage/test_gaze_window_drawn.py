@@ -13,7 +13,7 @@ from visavis.stage.frame_truth import picture_crc32
 from visavis.stage.renderer import Quality, Renderer
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.flat import Image, Panorama
-from visavis.stimuli.gaze_window import LOST, GazeWindow, WindowPlace
+from visavis.stimuli.gaze_window import NO_WINDOW, GazeWindow, WindowPlace
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import DRESSED_BY, FlatScene
@@ -109,7 +109,9 @@ def test_a_soft_edge_is_half_inside(folder, renderer):
 
 @pytest.mark.parametrize("is_around", [False, True])
 def test_while_gaze_is_lost_all_is_covered(folder, renderer, is_around):
-    image, _ = drawn(renderer, picture(scene(folder, GazeWindow(6, is_around=is_around)), LOST))
+    image, _ = drawn(
+        renderer, picture(scene(folder, GazeWindow(6, is_around=is_around)), NO_WINDOW)
+    )
     assert (image == GREY).all()
 
 
@@ -122,7 +124,7 @@ def test_what_is_outside_can_be_blurred(folder, renderer):
     assert spread[0] > 200
     assert spread[1] < 60
     assert image[outside].mean(axis=0)[:2] == pytest.approx([125, 125], abs=25)
-    edge, _ = drawn(renderer, picture(scene(folder, GazeWindow(6, blur_deg=1)), LOST))
+    edge, _ = drawn(renderer, picture(scene(folder, GazeWindow(6, blur_deg=1)), NO_WINDOW))
     assert (abs(edge[outside] - image[outside]) <= 1).all()  # blurred alike, wherever gaze is
 
 
@@ -151,6 +153,6 @@ def test_in_a_headset_both_eyes_see_the_window_at_one_place(folder, renderer, pa
 def test_the_checksum_of_a_frame_tells_where_the_window_was(folder):
     shown = scene(folder, GazeWindow(6))
     elsewhere = WindowPlace.of(1, HEAD.position_m, (0.0, 0.0, -1.0))
-    checksums = [picture_crc32(picture(shown, at)) for at in (PLACE, PLACE, elsewhere, LOST)]
+    checksums = [picture_crc32(picture(shown, at)) for at in (PLACE, PLACE, elsewhere, NO_WINDOW)]
     assert checksums[0] == checksums[1]
     assert len(set(checksums)) == 3

@@ -27,7 +27,7 @@ from visavis.running.film_store import film_store
 from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.verification import verify
-from visavis.stimuli.gaze_window import LOST, GazeWindow
+from visavis.stimuli.gaze_window import NO_WINDOW, GazeWindow
 from visavis.study.dry_run import still_view
 from visavis.study.gaze_window import WindowCourse
 
@@ -190,13 +190,13 @@ MS = 1_000_000
 
 def test_it_follows_the_newest_usable_sample_and_stays_over_a_short_loss():
     course = WindowCourse()
-    assert course.take(view_of(0, [])) is LOST
+    assert course.take(view_of(0, [])) is NO_WINDOW
     place = course.take(view_of(20 * MS, [(10 * MS, True, 0.1), (8 * MS, True, 0.5)]))
     assert (10 * MS, pytest.approx(0.1)) == (place.t_sample_ns, place.direction[0])
     assert course.take(view_of(40 * MS, [(30 * MS, False, 0.9)])) is place
     assert course.take(view_of(90 * MS, [])) is place
-    assert course.take(view_of(100 * MS, [(90 * MS, False, 0.9)])) is LOST
-    assert course.take(view_of(120 * MS, [(110 * MS, True, 0.3)])) is not LOST
+    assert course.take(view_of(100 * MS, [(90 * MS, False, 0.9)])) is NO_WINDOW
+    assert course.take(view_of(120 * MS, [(110 * MS, True, 0.3)])) is not NO_WINDOW
     # lit with the frame after the one that brought the sample
     assert course.columns("a") == {
         "a_window_delay_ms": 30.0,

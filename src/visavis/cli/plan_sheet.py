@@ -28,9 +28,9 @@ def luminance_words(lab: LabConfig, experiment: StudyExperiment) -> list[str]:
     if experiment.pictures or experiment.videos:
         lines.append("pictures and films keep their values, which no table corrects")
     least, greatest = luminance.least_contrast_01, luminance.greatest_contrast_01
-    asked = sorted({item.contrast_01 for item in experiment.flats if isinstance(item, Grating)})
-    faint = ", ".join(f"{c:g}" for c in asked if 0.0 < c < least)
-    strong = ", ".join(f"{c:g}" for c in asked if c > greatest)
+    contrasts = sorted({item.contrast_01 for item in experiment.flats if isinstance(item, Grating)})
+    faint = ", ".join(f"{c:g}" for c in contrasts if 0.0 < c < least)
+    strong = ", ".join(f"{c:g}" for c in contrasts if c > greatest)
     if faint:
         lines.append(
             f"gratings of contrast {faint} are below {least:.3f}, the least of this screen, and "
@@ -50,11 +50,11 @@ def as_operators_read(session_plan: SessionPlan, study: Study) -> SessionPlan:
         return session_plan
     between = {factor.name for factor in study.design.factors if factor.between}
 
-    def shown(trial: Trial) -> Trial:
+    def without_groups(trial: Trial) -> Trial:
         factors = {name: level for name, level in trial.factors.items() if name not in between}
         return replace(trial, factors=factors)
 
-    blocks = (replace(b, trials=tuple(map(shown, b.trials))) for b in session_plan.blocks)
+    blocks = (replace(b, trials=tuple(map(without_groups, b.trials))) for b in session_plan.blocks)
     group = study.procedure.shown_group(session_plan.group)
     return replace(session_plan, group=group, blocks=tuple(blocks))
 

@@ -15,7 +15,7 @@ from visavis.lab.luminance import LUMINANCE_KEY, table_of_entry
 from visavis.lab.screen import PlacedScreen
 from visavis.protocol.plan.shown_scene import RecordedScene, of_part
 from visavis.stimuli.flat import KINDS, Flat, Panorama, rgb_of
-from visavis.stimuli.gaze_window import GAZE_WINDOW, LOST, GazeWindow, WindowPlace
+from visavis.stimuli.gaze_window import GAZE_WINDOW, NO_WINDOW, GazeWindow, WindowPlace
 from visavis.stimuli.own_room import Room
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import SceneFrame
@@ -84,7 +84,7 @@ def _window_at(record: RecordedScene) -> WindowPlace:
     rows = of_part(record.recording, GAZE_WINDOW, record.part)
     i = int(np.searchsorted(rows["t_drawn_ns"], record.t_ns, side="right")) - 1
     if i < 0 or not rows["valid"][i]:
-        return LOST
+        return NO_WINDOW
     place, direction = rows["origin_world_m"][i], rows["direction_world"][i]
     return WindowPlace.of(int(rows["t_sample_ns"][i]), place, direction)
 

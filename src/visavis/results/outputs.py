@@ -98,12 +98,12 @@ def write_study(
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         write_tables(analysis, experiment, questionnaires, out_dir, extras, quality)
-        shown = [trial for extra in extras for trial in extra.shown]
+        of_sections = [trial for extra in extras for trial in extra.trials]
         if make_views is not None:
             striking = unusual_trials(analysis)[:MAX_LISTED]
-            make_views(out_dir, [*striking, *shown_trials(analysis), *shown])
+            make_views(out_dir, [*striking, *shown_trials(analysis), *of_sections])
         sections = [
-            _with_shown(extra.section, extra.shown, provenance.folder, out_dir / VIEWS)
+            _with_trials(extra.section, extra.trials, provenance.folder, out_dir / VIEWS)
             for extra in extras
             if extra.section is not None
         ]
@@ -137,11 +137,13 @@ def write_study(
     )
 
 
-def _with_shown(section: Section, shown: Sequence[TrialToSee], folder: str, views: Path) -> Section:
+def _with_trials(
+    section: Section, trials: Sequence[TrialToSee], folder: str, views: Path
+) -> Section:
     """Return a section with the trials that its figures show below them."""
-    if not shown:
+    if not trials:
         return section
-    table = shown_table(shown, "Why", folder, views, "Trials that are shown")
+    table = shown_table(trials, "Why", folder, views, "Trials that are shown")
     return replace(section, blocks=(*section.blocks, table))
 
 

@@ -201,10 +201,10 @@ def _time_s(where: str, name: str, of: Mapping[str, Any], film: FilmFacts | None
         raise DesignError(
             f"{where}: area {name} has key frames, which are for films: Video(…, areas=…)"
         )
-    given = [time for time in TIMES if of.get(time) not in (None, "")]
-    if len(given) != 1:
+    units = [time for time in TIMES if of.get(time) not in (None, "")]
+    if len(units) != 1:
         raise DesignError(f"{where}: area {name}: give each key frame its t_s or its frame")
-    (unit,) = given
+    (unit,) = units
     try:
         time = float(of[unit])
     except (TypeError, ValueError, OverflowError) as error:

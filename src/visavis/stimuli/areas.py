@@ -110,14 +110,14 @@ class Area:
         """
         if not self.keys:
             return np.ravel(np.array(self.ellipse or self.outline, np.float64))
-        described = [np.ravel(key.ellipse or key.outline) for key in self.keys]
-        gone = np.array([key.is_gone for key in self.keys])
+        shapes = [np.ravel(key.ellipse or key.outline) for key in self.keys]
+        is_gone = np.array([key.is_gone for key in self.keys])
         times = np.array([key.t_s for key in self.keys])
-        missing = np.full(max(map(len, described)), np.nan)
-        numbers = np.array([d if len(d) else missing for d in described], np.float64)
+        missing = np.full(max(map(len, shapes)), np.nan)
+        numbers = np.array([d if len(d) else missing for d in shapes], np.float64)
         before = np.clip(np.searchsorted(times, t_s, side="right") - 1, 0, None)
         after = np.minimum(before + 1, len(times) - 1)
-        after = np.where(gone[after], before, after)
+        after = np.where(is_gone[after], before, after)
         lasts_s = np.where(after > before, times[after] - times[before], 1.0)
         share = ((t_s - times[before]) / lasts_s)[:, None]
         now: Values = numbers[before] + share * (numbers[after] - numbers[before])

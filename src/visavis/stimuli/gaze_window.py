@@ -46,7 +46,7 @@ class WindowPlace:
         return cls(t_sample_ns, eye, towards)
 
 
-LOST: Final = WindowPlace(None, np.full(3, np.nan), np.full(3, np.nan))
+NO_WINDOW: Final = WindowPlace(None, np.full(3, np.nan), np.full(3, np.nan))
 """No place: gaze is lost."""
 
 

@@ -8,7 +8,7 @@ from visavis.analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS
 from visavis.lab.clock import NS_PER_MS
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import FrameView, Scalar
-from visavis.stimuli.gaze_window import LOST, WindowPlace
+from visavis.stimuli.gaze_window import NO_WINDOW, WindowPlace
 
 BRIDGE_NS: Final = round(DEFAULT_LOOK_PARAMETERS.bridge_ms * NS_PER_MS)
 """A loss of gaze up to this, in a blink that is short, does not end a look; as in measures."""
@@ -33,7 +33,7 @@ class WindowCourse:
     """
 
     def __init__(self) -> None:
-        self._place = LOST
+        self._place = NO_WINDOW
         self._came_ns = 0
         self._is_unlit = False
         self._delays_ms: list[float] = []
@@ -55,8 +55,8 @@ class WindowCourse:
                 )
                 self._is_unlit = True
         elif view.t_ns - self._came_ns > BRIDGE_NS:
-            self._place = LOST
-        self._lost_frames += self._place is LOST
+            self._place = NO_WINDOW
+        self._lost_frames += self._place is NO_WINDOW
         return self._place
 
     def columns(self, name: str) -> dict[str, Scalar | None]:

@@ -38,7 +38,7 @@ class Extra:
 
     A figure with the name of a family of tests appears in that family's section. `figures` are
     written beside the report like the standard ones, `tables` as NAME.csv with a dictionary;
-    `columns` describe the columns that no other table has. `shown` are the trials that the
+    `columns` describe the columns that no other table has. `trials` are those that the
     figures show, each listed below them with its page.
     """
 
@@ -46,7 +46,7 @@ class Extra:
     figures: "tuple[ReportFigure, ...]" = ()
     tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)
     columns: tuple[Column, ...] = ()
-    shown: tuple[TrialToSee, ...] = ()
+    trials: tuple[TrialToSee, ...] = ()
 
 
 SectionOf: TypeAlias = Callable[[AnalysisOfStudy, ExperimentOfStudy], Extra]

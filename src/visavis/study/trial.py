@@ -731,8 +731,8 @@ class TrialScript(LitTrial):
             if behind is None and last:
                 behind = last[-1][0]
             elif behind is None:
-                lit = None if staged_scene is None else self._lit_frame
-                behind = lit or dark_frame(view.t_ns)
+                before = None if staged_scene is None else self._lit_frame
+                behind = before or dark_frame(view.t_ns)
             last[:] = [(behind, panel.highlighted)]
             if isinstance(behind, PanelFrame):
                 return Show(replace(behind, t_ns=view.t_ns, panels=(panel,)))

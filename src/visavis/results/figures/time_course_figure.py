@@ -20,7 +20,7 @@ from visavis.study.texts import Texts, label_of
 
 SWITCH_MS: Final = "switch_ms"
 """The moment of a change in the trial, where there is one."""
-MOST_SHOWN_01: Final = 1.02
+MAX_SHOWN_01: Final = 1.02
 """Intervals of few people may reach beyond every share there can be."""
 
 
@@ -99,7 +99,7 @@ def _panels(
             axes[0].axvline(switches[str(level)], color=colour, linewidth=1, linestyle=":")
             axes[i + 1].axvline(switches[str(level)], color=colour, linewidth=1.4, linestyle=":")
     axes[0].set_ylabel(f"Share of gaze on {what}")
-    axes[0].set_ylim(0, min(axes[0].get_ylim()[1], MOST_SHOWN_01))
+    axes[0].set_ylim(0, min(axes[0].get_ylim()[1], MAX_SHOWN_01))
     figure.legend(loc="outside upper center", ncols=min(2, len(levels)), frameon=False)
     axes[-1].set_xlabel("Time in the trial (s)")
     return figure

@@ -31,7 +31,7 @@ from visavis.stimuli.flat_pixels import (
     shown_rgb,
     text_size_em,
 )
-from visavis.stimuli.gaze_window import LOST, Veil
+from visavis.stimuli.gaze_window import NO_WINDOW, Veil
 from visavis.stimuli.panels import board_pose
 from visavis.stimuli.panorama_pixels import eye_size_px, panorama_pixels
 from visavis.stimuli.picture import Picture, Room, Sheet, Surround
@@ -72,7 +72,7 @@ def _veil(scene: FlatScene, frame: SceneFrame, room: Room) -> Veil | None:
     distance_m = FAR_M if scene.panorama is not None else DISTANCE_M
     if screen is not None:
         distance_m = screen.flat.distance_m
-    place = frame.window_at or LOST
+    place = frame.window_at or NO_WINDOW
     return Veil(scene.gaze_window, place, distance_m, room.background_srgb)
 
 
