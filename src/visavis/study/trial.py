@@ -10,8 +10,7 @@ import difflib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from typing import Any, Final, Literal, TypeAlias, get_args, overload
+from typing import Any, Final, Literal, TypeAlias, overload
 
 import numpy as np
 
@@ -24,27 +23,22 @@ from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
     EndEarly,
     FrameView,
-    Hush,
     Mark,
     Play,
-    PlaySound,
     Repeat,
     Scalar,
     Show,
-    SoundOnset,
     Step,
 )
-from visavis.stimuli.audible import MAX_GAIN_DB, Sound
+from visavis.stimuli.audible import Sound
 from visavis.stimuli.film_file import film_facts
 from visavis.stimuli.flat import MAX_SEED, Colour, Dots, Flat, Text, Video, picture_path
 from visavis.stimuli.gaze_window import GAZE_WINDOW
-from visavis.stimuli.moving_heads import agents_at
 from visavis.stimuli.own_room import Room
 from visavis.stimuli.panels import SIZE_M, PanelFrame, Surface, board_before
 from visavis.stimuli.picture import Panel
-from visavis.stimuli.scene import Agent, SceneFrame
-from visavis.stimuli.sound import Waveform
-from visavis.study.actions import Action, Performing, PlayedSound
+from visavis.stimuli.scene import SceneFrame
+from visavis.study.actions import Action, Performing
 from visavis.study.asking import (
     Answer,
     ask_at_terminal,
@@ -55,9 +49,10 @@ from visavis.study.asking import (
 )
 from visavis.study.background import BackgroundExecutor
 from visavis.study.films import LiveFilm, Stimulus, Viewing, scene_of, seconds_of, voiced_film
-from visavis.study.frames import dark_frame, dark_view, show_frame
+from visavis.study.frames import dark_frame, dark_view
 from visavis.study.gaze_on import GazeOn
-from visavis.study.lit_trial import STAMP_LIMIT_S, LitTrial, Until
+from visavis.study.heard_trial import HeardTrial
+from visavis.study.lit_trial import Until
 from visavis.study.live import (
     RENDERER,
     Live,
@@ -90,7 +85,6 @@ DOTS_STREAM: Final = 0xD075
 
 LEAVE_S: Final = 30.0
 """How long live figures stay before a monitor or in a headset if nobody presses their button."""
-Wait: TypeAlias = Literal["onset", "end", "no"]
 
 
 class UnknownNameError(DesignError, AttributeError):
@@ -106,7 +100,7 @@ class _Board:
     size_m: tuple[float, float] | None = None
 
 
-class TrialScript(LitTrial):
+class TrialScript(HeardTrial):
     """One trial as its study writes it: factors are attributes, steps are methods.
 
     `row` collects the trial's columns; a study may add its own. What a trial function returns is
@@ -130,7 +124,7 @@ class TrialScript(LitTrial):
         if name in self.settings.parameters:
             return self.settings.parameters[name]
         own = (*self.trial.factors, *self.settings.parameters)
-        steps = tuple(n for n in vars(TrialScript) if not n.startswith("_"))
+        steps = tuple(n for n in dir(TrialScript) if not n.startswith("_"))
         near = difflib.get_close_matches(name, (*own, *steps), n=1)
         raise UnknownNameError(
             f"this trial has no factor, parameter or step {name!r}"
@@ -420,47 +414,6 @@ class TrialScript(LitTrial):
             "vibrate", lambda: self._vibrate(role, vibration, motors, amplitude_01), role=role
         )
 
-    def play(
-        self,
-        sound: str | Path | Waveform,
-        *,
-        at: str | tuple[float, float, float] | None = None,
-        gain_db: float = 0.0,
-        loops: bool = False,
-        wait: Wait = "onset",
-        name: str = "sound",
-    ) -> Action:
-        """Play a sound: a file beside the study file (WAV, FLAC, OGG), or a `Waveform`.
-
-        `at` is its source: a role or place of the current scene (that person's head), or a point in
-        world (metres). Its level is as recorded at 1 m, and it is heard from the head's pose. None
-        plays it to both ears unchanged. The trial goes on with the sound's `onset` (a few frames),
-        its `end`, or at once (`no`); all sounds end with the trial. Column: `NAME_on_ns`, when its
-        first sample left the sound card, empty where it was not reported. The step returns a
-        `PlayedSound`.
-
-        Raises:
-            DesignError: a value is not possible; for files, when the session is prepared.
-        """
-        if wait not in get_args(Wait):
-            raise DesignError(f"t.play cannot wait for {wait!r}; {', '.join(get_args(Wait))}")
-        if wait == "end" and loops:
-            raise DesignError("t.play: a sound that loops has no end to wait for")
-        if not -120.0 <= gain_db <= MAX_GAIN_DB:
-            raise DesignError(f"t.play: gain_db is {gain_db:g}; from -120 to {MAX_GAIN_DB:g}")
-        source = sound if isinstance(sound, Waveform) else self.settings.folder / sound
-        return Action(
-            "play",
-            lambda: self._play(self.settings.sound_of(source), at, gain_db, loops, wait, name),
-            sound=source,
-            column=name,
-            waits_for_end=wait == "end",
-        )
-
-    def hush(self) -> Action:
-        """End all sounds."""
-        return Action("hush", self._hush)
-
     def mark(self, name: str, **payload: Scalar | None) -> Action:
         """Write an event into the recording at the current frame's time."""
         return Action("mark", lambda: self._mark(name, payload))
@@ -662,9 +615,6 @@ class TrialScript(LitTrial):
         is_right = more.get(f"{name}_is_right")
         return replace(answer, is_right=None if is_right is None else bool(is_right))
 
-    def _agents_at(self, t_ns: int) -> tuple[Agent, ...]:
-        return () if self._staged_scene is None else agents_at(self._staged_scene.scene, t_ns)
-
     def _pointed_at(self, name: str, answer: Answer) -> dict[str, Scalar | None]:
         agents = self._agents_at(answer.answered_ns)
         heads: Vector = np.array([a.head_centre_m for a in agents]).reshape(-1, 3)
@@ -770,62 +720,6 @@ class TrialScript(LitTrial):
         yield Play(role, pattern, motors, amplitude_01)
         yield Mark("vibrated", {"trial_id": self.trial.trial_id, "role": role})
 
-    def _play(
-        self,
-        sound: Waveform,
-        at: str | tuple[float, float, float] | None,
-        gain_db: float,
-        loops: bool,
-        wait: Wait,
-        name: str,
-    ) -> Performing:
-        view = yield from self._now()
-        column = f"{self.next_prefix(name)}_on_ns"
-        self.row[column] = None
-        yield PlaySound(column, sound, self._place_of(at, view.t_ns), gain_db, loops)
-        if wait != "no":
-            until_ns = view.t_ns + round(STAMP_LIMIT_S * NS_PER_S)
-            while self.row[column] is None and view.t_ns < until_ns:
-                view = yield from self._on_to_next(view)
-        on_ns = self.row[column]
-        began_ns = on_ns if isinstance(on_ns, int) else None
-        self._sound_on_ns = began_ns or 0
-        if wait == "end" and began_ns is not None:
-            end_ns = began_ns + round(sound.duration_s * NS_PER_S)
-            yield from self._until(end_ns, self._scene_update)
-        return PlayedSound(began_ns, sound.duration_s)
-
-    def _on_to_next(self, view: FrameView) -> Performing:
-        yield from show_frame(self._scene_update(view))
-        return (yield from self._frame())
-
-    def _place_of(
-        self, at: str | tuple[float, float, float] | None, t_ns: int
-    ) -> tuple[float, float, float] | None:
-        if not isinstance(at, str):
-            return at
-        roles = {} if self._staged_scene is None else self._staged_scene.roles
-        agents = self._agents_at(t_ns)
-        heads = {agent.place: agent for agent in agents} | {
-            role: agents[index] for role, index in roles.items()
-        }
-        if at not in heads:
-            raise DesignError(
-                f"t.play: nobody in what is shown is {at!r}; "
-                + (f"there are {', '.join(heads)}" if heads else "show a scene first")
-            )
-        x, y, z = (float(v) for v in heads[at].head_centre_m)
-        return x, y, z
-
-    def store_onsets(self, sounds: tuple[SoundOnset, ...]) -> None:
-        """Store the onsets of sounds."""
-        for sound in sounds:
-            self.row[sound.key] = sound.on_ns
-
-    def _hush(self) -> Performing:
-        yield from self._now()
-        yield Hush()
-
     def _mark(self, name: str, payload: Mapping[str, Scalar | None]) -> Performing:
         yield from self._now()
         yield Mark(name, {"trial_id": self.trial.trial_id, **payload})
@@ -864,8 +758,9 @@ class TrialScript(LitTrial):
 
 STEPS: Final = frozenset(
     name
-    for name, member in vars(TrialScript).items()
-    if not name.startswith("_") and getattr(member, "__annotations__", {}).get("return") is Action
+    for name in dir(TrialScript)
+    if not name.startswith("_")
+    and getattr(getattr(TrialScript, name), "__annotations__", {}).get("return") is Action
 )
 """The steps of a trial; each has to be yielded."""
 
