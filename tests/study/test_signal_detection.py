@@ -63,6 +63,15 @@ def test_an_answer_does_not_tell_of_its_own_signal() -> None:
         detection("answer", yes="f", signal="answer", present="f")
 
 
+def test_numbers_are_the_same_however_a_table_holds_them() -> None:
+    trials = rows(15, 5, 5, 15)
+    numbers = trials.replace({"old": 1.0, "new": 0.5, "f": 1.0, "j": 2.0})
+    (of,) = aggregate_cells(numbers, detection("answer", yes="1", signal="face", present=1), ())[
+        "answer_dprime"
+    ]
+    assert measured(trials)["dprime"] == of
+
+
 STUDY = """
 from visavis import Compare, Factor, Keys, Study, Text, detection
 
@@ -93,3 +102,23 @@ def test_a_comparison_finds_a_planted_sensitivity(tmp_path: Path) -> None:
     cells = aggregate_cells(trials, study.study.analysis.measures, ["mouth"])
     by_mouth = cells.groupby("mouth")["answer_dprime"].mean()
     assert by_mouth["smile"] > by_mouth["rest"] + 1
+
+
+@pytest.mark.parametrize(
+    ("line", "by", "says"),
+    [
+        ('yes="f"', 'yes="y"', "no option of answer 'y'; known: f, j"),
+        ('present="old"', 'present="olds"', "no level of face 'olds'; did you mean 'old'"),
+        ('signal="face"', 'signal="fase"', "no column of trials 'fase'; did you mean 'face'"),
+        ('detection("answer"', 'detection("anwser"', "no column of trials 'anwser'; did you mean"),
+    ],
+)
+def test_a_name_that_no_trial_has_is_refused_before_anybody_takes_part(
+    tmp_path: Path, line: str, by: str, says: str
+) -> None:
+    study = STUDY.replace(line, by)
+    if "anwser" in by:
+        study = study.replace("answer_dprime", "anwser_dprime")
+    (tmp_path / "memory.py").write_text(study, "utf-8")
+    with pytest.raises(DesignError, match=says):
+        find_study(str(tmp_path / "memory.py")).experiment({})

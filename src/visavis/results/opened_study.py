@@ -75,6 +75,7 @@ from visavis.study.pieces import MeasuredTrial, Pieces
 from visavis.study.responses import Choice
 from visavis.study.scenes import FLAT, PAIR, ROOM, Scene, StagedScene, Staging, stage
 from visavis.study.sections import Confusion, TrialToSee
+from visavis.study.signal_detection import DetectionValue
 from visavis.study.study_errors import line_saying
 from visavis.study.texts import label_of
 
@@ -202,6 +203,14 @@ class OpenedStudy:
                 gain = () if order.gain is None else (order.gain[0],)
                 uses.append((order.measure, "measure", measure_columns))
                 uses += [(n, "factor", factors) for n in (order.factor, *order.only, *gain) if n]
+        detections = [
+            m.of_cell for m in self.study.analysis.measures if isinstance(m.of_cell, DetectionValue)
+        ]
+        if detections:
+            names_there = trial_columns(experiment, self.measures(experiment))
+            asked = [r for t in experiment.read.values() for r in t.responses]
+            for value in detections:
+                uses += value.uses(names_there, asked, experiment.levels)
         own = [r for r in self.study.analysis.exclusions if r.column not in STANDARD_COLUMNS]
         for rule in own:
             uses += self._unknown_column(rule, experiment)

@@ -1,12 +1,13 @@
 """Signal detection in a study: hits, false alarms, d′ and criterion of every person and cell."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
 from visavis.lab.errors import DesignError
 from visavis.study.measures import Measure
+from visavis.study.responses import Response
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,8 +45,8 @@ class DetectionValue:
     def __call__(self, trials: "pd.DataFrame") -> float | None:
         """Return the number for some trials."""
         rows = trials[list(self.reads)].dropna()
-        is_signal = rows[self.signal].astype(str) == self.present
-        says_yes = rows[self.answer].astype(str) == self.yes
+        is_signal = _is(rows[self.signal], self.present)
+        says_yes = _is(rows[self.answer], self.yes)
         signals, others = int(is_signal.sum()), int((~is_signal).sum())
         if not signals or not others:
             return None
@@ -57,6 +58,41 @@ class DetectionValue:
         z = NormalDist().inv_cdf
         z_hits, z_alarms = z((hits + 0.5) / (signals + 1)), z((alarms + 0.5) / (others + 1))
         return z_hits - z_alarms if self.value == "dprime" else -(z_hits + z_alarms) / 2
+
+    def uses(
+        self,
+        columns: Iterable[str],
+        responses: Iterable[Response],
+        levels: Mapping[str, tuple[object, ...]],
+    ) -> Iterator[tuple[str, str, tuple[str, ...]]]:
+        """Yield each name that it takes from a study: what it names, and all that there are.
+
+        `columns` are those of trials, `responses` all that is asked, `levels` those of factors.
+        """
+        there = tuple(columns)
+        yield from ((name, "column of trials", there) for name in self.reads)
+        options = [
+            r.value(option) for r in responses if r.name == self.answer for option in r.options
+        ]
+        for name, of, values in (
+            (self.yes, f"option of {self.answer}", options),
+            (self.present, f"level of {self.signal}", levels.get(self.signal, ())),
+        ):
+            if values and not any(_are_same(value, name) for value in values):
+                yield name, of, tuple(dict.fromkeys(map(str, values)))
+
+
+def _are_same(value: object, name: str) -> bool:
+    """Tell whether a value of a table is the one that is written so: 1.0 is 1."""
+    try:
+        return str(value) == name or float(str(value)) == float(name)
+    except ValueError:
+        return False
+
+
+def _is(values: "pd.Series[Any]", name: str) -> "pd.Series[bool]":
+    """Tell which values of a column are the one that is written so."""
+    return values.map(lambda value: _are_same(value, name)).astype(bool)
 
 
 def detection(answer: str, *, yes: object, signal: str, present: object) -> tuple[Measure, ...]:
