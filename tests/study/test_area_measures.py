@@ -184,6 +184,16 @@ def test_an_area_that_some_pictures_lack_is_named_at_plan_with_the_first_of_them
     assert note in CliRunner().invoke(app, words).output
 
 
+def test_an_area_that_is_shown_as_something_else_than_is_measured_is_named_at_plan(tmp_path):
+    unnamed = STUDY.replace(', name="fixation"', "")
+    door, lamp = written(tmp_path, unnamed).experiment({}).areas_in_part
+    assert door.startswith("2 of 2 conditions show the area 'door' as stimulus2, but its measures")
+    assert "of stimulus, so that their trials have no value" in door
+    assert "scene='stimulus2'" in lamp
+    right = unnamed.replace('"lamp")', '"lamp", scene="stimulus2")')
+    assert written(tmp_path, right).experiment({}).areas_in_part == ()
+
+
 def test_people_in_a_scene_are_areas_by_their_role():
     targets = GazeTargets(
         t_ns=np.arange(4) * 10_000_000,

@@ -91,12 +91,17 @@ class TrialRead:
     """What makes pictures of its scenes: "module:function"."""
     staircases: tuple[Staircase | QuestPlus, ...] = ()
     """The staircases of which a level is asked."""
-    areas: frozenset[str] = frozenset()
-    """The names of the areas of interest in its flat stimuli."""
+    areas_of: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    """The names of the areas of interest in each of its flat stimuli, by how its columns begin."""
     rests_on: frozenset[str] = frozenset()
     """What steps cannot do without: "gaze" that ends one or moves its window ("gaze_window"), a
     "pointer" whose window shows one, a "panorama" that is all around, a "room" of the laboratory's
     own."""
+
+    @property
+    def areas(self) -> frozenset[str]:
+        """The names of the areas of interest in its flat stimuli."""
+        return frozenset().union(*self.areas_of.values())
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -141,7 +146,7 @@ def read_trial(
     scene_columns: list[str] = []
     vibrating_roles: list[str] = []
     roles: set[str] = set()
-    areas: set[str] = set()
+    areas_of: dict[str, frozenset[str]] = {}
     rests_on: set[str] = set()
     dressings: set[str] = set()
     reply: Any = None
@@ -185,9 +190,10 @@ def read_trial(
                         lit_frame = staged_scene.frame(script.view, 0)
                     agents = max(agents, len(staged_scene.scene.agents))
                     roles |= set(staged_scene.roles)
-                    areas |= {a.name for p in getattr(staged_scene, "areas", ()) for a in p.areas}
                     dressings.add(staged_scene.scene.dressed_by)
                     prefix = script.next_prefix(step.column)
+                    sheets = getattr(staged_scene, "areas", ())
+                    areas_of[prefix] = frozenset(area.name for one in sheets for area in one.areas)
                     sounds += step.sounds
                     onsets = sound_columns(prefix, len(step.sounds))
                     sound_onsets += onsets
@@ -281,7 +287,7 @@ def read_trial(
             vibrating_roles=tuple(dict.fromkeys(vibrating_roles)),
             dressings=frozenset(dressings - {""}),
             staircases=tuple(script.staircases.values()),
-            areas=frozenset(areas),
+            areas_of=areas_of,
             rests_on=frozenset(
                 rests_on
                 | ({"panorama"} if has_panorama else set())

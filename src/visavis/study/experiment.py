@@ -482,7 +482,9 @@ class StudyExperiment:
 
     @property
     def areas_in_part(self) -> tuple[str, ...]:
-        """Of each measured area that some conditions with areas lack: how many, and which first."""
+        """Of each measured area that some conditions with areas lack, or show as something other
+        than is measured: how many, and which first.
+        """
         with_areas = {key: trial for key, trial in self.read.items() if trial.areas}
         notes = []
         for area in dict.fromkeys(a for m in self.study.analysis.measures for a in m.areas):
@@ -493,6 +495,23 @@ class StudyExperiment:
                     f"{len(lacking)} of {len(with_areas)} conditions show no area {area!r}, "
                     "so that their trials have no value of its measures: the first with "
                     f"{first}{did_you_mean(area, with_areas[lacking[0]].areas)}"
+                )
+        measured = ((m.scene, a) for m in self.study.analysis.measures if m.scene for a in m.areas)
+        for scene, area in dict.fromkeys(measured):
+            other = {
+                key: shown
+                for key, t in with_areas.items()
+                if area not in t.roles | t.areas_of.get(scene, frozenset())
+                and (shown := [name for name, areas in t.areas_of.items() if area in areas])
+            }
+            if other:
+                key, (name, *_) = next(iter(other.items()))
+                first = ", ".join(f"{factor} {level}" for factor, level in key)
+                notes.append(
+                    f"{len(other)} of {len(with_areas)} conditions show the area {area!r} as "
+                    f"{name}, but its measures are of {scene}, so that their trials have no value: "
+                    f"the first with {first}; give the measures scene={name!r}, or name what is "
+                    f"shown before otherwise: t.show(…, name=…)"
                 )
         return tuple(notes)
 
