@@ -1,6 +1,7 @@
 """Signal detection: counts, the log-linear correction, and comparisons of people over cells."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pandas as pd
@@ -8,6 +9,7 @@ import pytest
 
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import DesignError
+from visavis.results.detection_table import detection_table
 from visavis.results.opened_study import find_study
 from visavis.running.quick import quick_study
 from visavis.study.measures import aggregate_cells
@@ -102,6 +104,23 @@ def test_a_comparison_finds_a_planted_sensitivity(tmp_path: Path) -> None:
     cells = aggregate_cells(trials, study.study.analysis.measures, ["mouth"])
     by_mouth = cells.groupby("mouth")["answer_dprime"].mean()
     assert by_mouth["smile"] > by_mouth["rest"] + 1
+
+
+def test_every_person_and_cell_stands_in_a_table_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "memory.py").write_text(STUDY, "utf-8")
+    study = find_study(str(tmp_path / "memory.py"))
+    experiment = study.experiment({})
+    trials = quick_study(study, experiment, tracker_of, [0, 1], seed=1).trials
+    selection = SimpleNamespace(counted=trials)
+    analysis: Any = SimpleNamespace(
+        measures=study.study.analysis.measures, cells=("face", "mouth"), selection=selection
+    )
+    extra = detection_table(analysis)
+    table = extra.tables["detection"]
+    assert ["n"] == [column.name for column in extra.columns]
+    assert ["participant", "mouth", "n"] == list(table)[:3]
+    assert [40] * 4 == table["n"].tolist()
+    assert table["answer_dprime"].notna().all()
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ from visavis.results.claims import (
 )
 from visavis.results.coding import AGREEMENT, ANNOTATIONS, CODING_COLUMNS, agreement_of_coders
 from visavis.results.confusion import confusion_section
+from visavis.results.detection_table import detection_table
 from visavis.results.family_tests import columns_of_tests, published_cells
 from visavis.results.figures.family_figures import family_figures
 from visavis.results.figures.gaze_order_figures import gaze_order_figures
@@ -94,6 +95,7 @@ def write_study(
     """
     extras = [_section(of, analysis, experiment) for of in experiment.study.report.sections]
     extras += [choice_section(analysis, experiment), psychometric_section(analysis, experiment)]
+    extras.append(detection_table(analysis))
     quality = quality_of(analysis, facts) if experiment.study.devices.validate else None
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
