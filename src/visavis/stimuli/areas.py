@@ -149,6 +149,8 @@ class Area:
             return float(x / count.sum()), float(y / count.sum())
         (x0, y0), (x1, y1) = _edges(np.array(self.outline))
         cross = x0 * y1 - x1 * y0
+        if cross.sum() == 0:  # between key frames whose corners run the other way round
+            return float(x0.mean()), float(y0.mean())
         x, y = ((x0 + x1) * cross).sum(), ((y0 + y1) * cross).sum()
         return float(x / (3 * cross.sum())), float(y / (3 * cross.sum()))
 
