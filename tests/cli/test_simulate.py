@@ -63,6 +63,7 @@ WITH_OTHER_STUDIES = {
     "drawn",
     "drawn_views",
     "drawn_gpu",
+    "gaze_window",
     "choices.csv",
 }
 
