@@ -76,10 +76,10 @@ def main(argv: Sequence[str]) -> int:
         card = str(renderer.context.info["GL_RENDERER"])
         small, full = (EyeTarget(renderer.context, px, 0) for px in (SMALL_PX, FULL_PX))
         for name, window in WINDOWS.items():
-            shown = replace(scene, gaze_window=window)
-            own_ms = frames_ms(renderer, shown, small, options.frames)
+            view = replace(scene, gaze_window=window)
+            own_ms = frames_ms(renderer, view, small, options.frames)
             rows.append(Row(f"own work {name}", own_ms, "ms", LIMIT_MS))
-            full_ms = frames_ms(renderer, shown, full, max(3, options.frames // 4))
+            full_ms = frames_ms(renderer, view, full, max(3, options.frames // 4))
             rows.append(Row(f"filled {name}: {card}", full_ms, "ms"))
         small.release()
         full.release()

@@ -117,8 +117,8 @@ def test_a_panorama_is_refused_with_what_measures_it(
 ) -> None:
     data = open_study(folder)
     (trial_id, *_) = data.analysis().selection.counted["trial_id"]
-    shown = pd.DataFrame({"payload": [{"trial_id": trial_id, "option_panorama": "Panorama()"}]})
-    monkeypatch.setattr(CachedRecording, "events_named", lambda *of: shown)
+    events = pd.DataFrame({"payload": [{"trial_id": trial_id, "option_panorama": "Panorama()"}]})
+    monkeypatch.setattr(CachedRecording, "events_named", lambda *of: events)
     with pytest.raises(UsageError, match=r"showed a panorama, .*view_range"):
         gaze_maps(data, "gaze", peek=None, on_trial=lambda done, total: None)
 
@@ -162,10 +162,10 @@ def test_pictures_one_after_another_are_refused_with_what_to_say(
         }
         for name, ns in (("stimulus", 1), ("stimulus2", 2))
     ]
-    shown = pd.DataFrame({"payload": payloads})
+    events = pd.DataFrame({"payload": payloads})
     ends = np.zeros((1, 3)), np.ones((1, 3)), np.ones(1)
     monkeypatch.setattr("visavis.cli.gaze_map._ends", lambda *of: ends)
-    monkeypatch.setattr(CachedRecording, "events_named", lambda *of: shown)
+    monkeypatch.setattr(CachedRecording, "events_named", lambda *of: events)
     with pytest.raises(UsageError, match=r"one after another; .*\(stimulus, stimulus2\)"):
         gaze_maps(data, "gaze", peek=None, on_trial=lambda done, total: None)
 

@@ -150,8 +150,8 @@ study = Study("outside", factors=[Factor("strength", [0, 0.001, 0.5, 1])], calib
 
 @study.trial
 def trial(t):
-    shown = [Grating(20, 0.2, t.strength), Image("face.png", 4)]
-    yield t.show(shown, seconds=0.3, background="grey")
+    stimuli = [Grating(20, 0.2, t.strength), Image("face.png", 4)]
+    yield t.show(stimuli, seconds=0.3, background="grey")
 """
 
 
@@ -161,10 +161,10 @@ def test_plan_names_pictures_that_stay_and_contrasts_that_the_screen_has_not(lab
     before = typed("plan", "outside.py").stdout
     assert "keep their values" not in before
     typed("devices", "luminance", "own.csv")
-    said = typed("plan", "outside.py").stdout
-    assert "pictures and films keep their values, which no table corrects\n" in said
-    assert "gratings of contrast 0.001 are below 0.0" in said
-    assert "gratings of contrast 1 are above 0.993, the greatest of this screen, and are" in said
+    printed = typed("plan", "outside.py").stdout
+    assert "pictures and films keep their values, which no table corrects\n" in printed
+    assert "gratings of contrast 0.001 are below 0.0" in printed
+    assert "gratings of contrast 1 are above 0.993, the greatest of this screen, and are" in printed
     assert "gratings of" not in typed("plan", "again.py").stdout
 
 

@@ -208,9 +208,9 @@ class OpenedStudy:
         ]
         if detections:
             names_there = trial_columns(experiment, self.measures(experiment))
-            asked = [r for t in experiment.read.values() for r in t.responses]
+            responses = [r for t in experiment.read.values() for r in t.responses]
             for value in detections:
-                uses += value.uses(names_there, asked, experiment.levels)
+                uses += value.uses(names_there, responses, experiment.levels)
         own = [r for r in self.study.analysis.exclusions if r.column not in STANDARD_COLUMNS]
         for rule in own:
             uses += self._unknown_column(rule, experiment)
