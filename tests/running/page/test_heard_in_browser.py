@@ -35,7 +35,7 @@ HTMLMediaElement.prototype.play = function () {
     if (this.tagName === "VIDEO" && !this.isTapped) {
         this.isTapped = true;
         const context = new AudioContext();
-        const own = { rateHz: context.sampleRate, blocks: [], picture: null };
+        const own = { rateHz: context.sampleRate, blocks: [], pictures: [] };
         window.heard.push(own);
         const tap = context.createScriptProcessor(1024, 1, 1);
         tap.onaudioprocess = (event) => own.blocks.push({
@@ -43,9 +43,11 @@ HTMLMediaElement.prototype.play = function () {
             samples: Array.from(event.inputBuffer.getChannelData(0)) });
         context.createMediaElementSource(this).connect(tap);
         tap.connect(context.destination);
-        this.requestVideoFrameCallback((now, data) => {
-            own.picture = { at_ms: data.expectedDisplayTime, media_s: data.mediaTime };
-        });
+        const see = (now, data) => {
+            own.pictures.push({ at_ms: data.expectedDisplayTime, media_s: data.mediaTime });
+            this.requestVideoFrameCallback(see);
+        };
+        this.requestVideoFrameCallback(see);
     }
     return play.call(this);
 };
@@ -142,8 +144,20 @@ def test_a_film_is_heard_from_its_first_picture_on_and_its_sound_is_the_speech(
         rate_hz = round(own["rateHz"])
         said = samples_of(part_of(read_sound(SPEECH), FROM_S, SECONDS).at_rate(rate_hz))
         heard_ms, said_s = first_heard(own, said)
-        picture_ms = own["picture"]["at_ms"] - 1000 * own["picture"]["media_s"]
-        assert abs(heard_ms - 1000 * said_s - picture_ms) < TAP_MS + waited_ms
+        begun_ms = begin_ms(own, heard_ms)
+        assert abs(heard_ms - 1000 * said_s - begun_ms) < TAP_MS + waited_ms
+
+
+def begin_ms(own: dict[str, Any], heard_ms: float) -> float:
+    """Return when a film would have begun by the pictures beside a stretch that is heard: while
+    the tap's own context starts, seconds on a busy computer, the first picture stands still.
+    """
+    beside = [
+        picture["at_ms"] - 1000 * picture["media_s"]
+        for picture in own["pictures"]
+        if heard_ms - TAP_MS <= picture["at_ms"] <= heard_ms + 1000 * STRETCH_S
+    ]
+    return float(np.median(beside))
 
 
 def samples_of(sound: Waveform) -> Vector:
