@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import accumulate
 from typing import Protocol, TypeAlias, cast
 
 import numpy as np
@@ -47,6 +46,7 @@ from visavis.protocol.session.head_history import MAX_WAITING
 from visavis.protocol.session.observation import GazeObserver
 from visavis.protocol.session.rig import RunningRig
 from visavis.protocol.session.row_buffer import RowBuffer
+from visavis.protocol.session.scene_log import SceneLog
 from visavis.protocol.session.screen_gaze import gaze_through_screen
 from visavis.protocol.session.states import SessionState, StateMachine
 from visavis.protocol.session.streams import (
@@ -57,12 +57,7 @@ from visavis.protocol.session.streams import (
 )
 from visavis.recording.writer import Recorder
 from visavis.stage.contracts import GeometryStage, Glance, Stage
-from visavis.stimuli.gaze_window import WindowPlace
-from visavis.stimuli.moving_heads import HEADS_MOVE, moving_heads
-from visavis.stimuli.own_room import PlacedRoom
 from visavis.stimuli.panels import Surface
-from visavis.stimuli.room_areas import ROOM_SHAPE
-from visavis.stimuli.room_shape import shape_of
 from visavis.stimuli.scene import Scene, SceneFrame
 
 STATE_CODES = {state: code for code, state in enumerate(SessionState)}
@@ -136,13 +131,10 @@ class FrameLoop:
         stage.start(recorder.append)
         self._frames = RowBuffer(frames, recorder.append, hold_ns=hold_ns)
         self._targets = RowBuffer(targets, recorder.append, hold_ns=hold_ns)
-        self._scene_states = RowBuffer(scene_states, recorder.append, hold_ns=hold_ns)
-        self._windows = RowBuffer(GAZE_WINDOWS, recorder.append, hold_ns=hold_ns)
-        self._window_at: WindowPlace | None = None
+        self._scenes = SceneLog(scene_states, recorder, m, hold_ns, self._begin_scene)
         tracker = rig.eye_tracker
         delay_ms = None if tracker is None else tracker.info.gaze_delay_ms
         self.observer = GazeObserver(self._targets, delay_ns=round((delay_ms or 0.0) * NS_PER_MS))
-        self._agent_count = m
         self._rig = rig
         self.screen = rig.headset if isinstance(rig.headset, OnScreen) else None
         """The display, where participants sit before a screen."""
@@ -170,9 +162,6 @@ class FrameLoop:
         self._levels_01: dict[int, float] = {}
         self._rays: dict[int, Pose] = {}
         self._view: SceneFrame | None = None
-        self._logged_view: SceneFrame | None = None
-        self._scene_number = 0
-        self._rooms: set[str] = set()
         self._frame = FrameInfo(-1, clock.now_ns(), clock.now_ns())
         self.before_ns = 0
         """Session time of the frame before the present one."""
@@ -320,7 +309,7 @@ class FrameLoop:
         headset, stage, view = self._ahead, self._geometry, self._view
         if headset is None or stage is None or view is None or not self._rig.gaze_waits_until_ns():
             return
-        logged = self._logged_view
+        logged = self._scenes.view
         if logged is None or logged.scene is not view.scene:
             return
         until_ns = min(until_ns, self._rig.display_waits_until_ns())
@@ -344,11 +333,18 @@ class FrameLoop:
             return
         before = self._frame
         if view is not logged:
-            self._log_view(view)
+            self._scenes.add(view, self.t_ns)
         n = self._wait_together(headset, ahead, n, watch)
         last = self._frame
         self._rig.is_idle(last.t_ns)
-        states = self._log_together(ahead, pictures, n)
+        if pictures is None:
+            states = [self._scenes.state] * n
+        else:
+            states = self._scenes.add_together(ahead.t_ns, pictures, n)
+            if pictures.is_new[: n - 1].any():
+                self._view = self._scenes.view
+            if pictures.is_new[n - 1]:
+                self._view = pictures.after(n - 1)
         self.before_ns = ahead.t_ns[n - 2] if n > 1 else before.t_ns
         self.frames_done += n
         foreseen = headset.head_foreseen()
@@ -429,36 +425,6 @@ class FrameLoop:
             light_ns = ahead.light_ns[i]
         return n
 
-    def _log_together(self, ahead: FramesAhead, pictures: Pictures | None, n: int) -> list[int]:
-        """Record what n frames show after the first; return the number of the last state in
-        each.
-        """
-        first = self._scene_states.rows - 1
-        if pictures is None:
-            return [first] * n
-        # what is new after the last of the frames is recorded with the next
-        new = np.flatnonzero(pictures.is_new[: n - 1])
-        count = len(new)
-        if count:
-            i = self._scene_states.room(count)
-            columns, m = self._scene_states.columns, pictures.gaze_direction.shape[1]
-            columns["scene"][i : i + count] = self._scene_number
-            for name, values in (
-                ("gaze_direction", pictures.gaze_direction),
-                ("eye_openness_01", pictures.eye_openness_01),
-                ("gaze_distance_m", pictures.gaze_distance_m),
-            ):
-                rows = columns[name][i : i + count]
-                if m < self._agent_count:
-                    rows[...] = np.nan
-                rows[:, :m] = values[new]
-            self._scene_states.commit_stamped(np.array(ahead.t_ns)[new])
-            self._logged_view = pictures.after(int(new[-1]))
-            self._view = self._logged_view
-        if pictures.is_new[n - 1]:
-            self._view = pictures.after(n - 1)
-        return list(accumulate(pictures.is_new[: n - 1].tolist(), initial=first))
-
     def _record_together(
         self,
         index: int,
@@ -481,28 +447,21 @@ class FrameLoop:
                 self._waiting.append((row, t_ns))
         return gazes
 
+    def _begin_scene(self, scene: Scene) -> None:
+        self.catch_up()  # gaze with the scene it was seen in
+        self.observer.show(scene)
+
     def _begin_frame(self) -> FrameInfo:
         """Draw the present view and wait for the next frame."""
         view, before_ns = self._view, self._frame.t_ns
         if view is not None:
-            if view is not self._logged_view:
-                self._log_view(view)
+            if view is not self._scenes.view:
+                self._scenes.add(view, self.t_ns)
             self._display(view)
         frame = self._wait_frame()
-        if view is not None and view.window_at is not self._window_at:
-            self._log_window(view.window_at, before_ns, frame.t_ns)
+        if view is not None:
+            self._scenes.add_window(view.window_at, before_ns, frame.t_ns)
         return frame
-
-    def _log_window(self, place: WindowPlace | None, drawn_ns: int, lit_ns: int) -> None:
-        """Record where the window is that follows gaze, and how late it came."""
-        self._window_at = place
-        if place is None:
-            return
-        sample_ns = place.t_sample_ns
-        delay_ms = np.nan if sample_ns is None else (lit_ns - sample_ns) / NS_PER_MS
-        valid = sample_ns is not None
-        row = (drawn_ns, sample_ns if valid else -1, valid, place.direction, place.eye_m, delay_ms)
-        self._windows.add(row, lit_ns)
 
     def _frame_view(self, frame: FrameInfo) -> FrameView:
         """Let the devices deliver, and return what a frame brought."""
@@ -623,8 +582,7 @@ class FrameLoop:
         self._rig.deliver_all()
         self._frames.flush()
         self._targets.flush()
-        self._scene_states.flush()
-        self._windows.flush()
+        self._scenes.flush()
 
     def set_reflex(self, answer: Answer | None) -> None:
         """Answer body samples when they arrive from now on (`protocol.plan.steps.Reflex`)."""
@@ -763,71 +721,6 @@ class FrameLoop:
             values["valid"],
         )
 
-    def _log_view(self, view: SceneFrame) -> None:
-        before = self._logged_view
-        if before is None or view.scene is not before.scene:
-            self._scene_number += 1
-            self.catch_up()  # with the scene it was seen in
-            self.observer.show(view.scene)
-            self._recorder.event("scene", self.t_ns, **self._describe(view.scene))
-            self._describe_room(view.scene.room)
-        elif (
-            view.gaze_direction is before.gaze_direction
-            and view.eye_openness_01 is before.eye_openness_01
-        ):
-            self._logged_view = view
-            return
-        self._logged_view = view
-        agent_count = view.gaze_direction.shape[0]
-        if agent_count > self._agent_count:
-            raise ValueError(
-                f"a scene holds {agent_count} agents, and the study's have room for fewer"
-            )
-        i = self._scene_states.room(1)
-        columns = self._scene_states.columns
-        columns["scene"][i] = self._scene_number
-        for name, values in (
-            ("gaze_direction", view.gaze_direction),
-            ("eye_openness_01", view.eye_openness_01),
-            ("gaze_distance_m", view.gaze_distance_m),
-        ):
-            row = columns[name][i]
-            if values is None or agent_count < self._agent_count:
-                row[...] = np.nan
-            if values is not None:
-                row[:agent_count] = values
-        self._scene_states.commit(1, self.t_ns)
-
-    def _describe_room(self, room: PlacedRoom | None) -> None:
-        """Record the meshes of a laboratory's own room before gaze first falls on them."""
-        if room is None:
-            return
-        shape = shape_of(room)
-        if shape.sha256 not in self._rooms:
-            self._rooms.add(shape.sha256)
-            self._recorder.event(ROOM_SHAPE, self.t_ns, **shape.event)
-
-    def _describe(self, scene: Scene) -> dict[str, object]:
-        return {
-            "scene": self._scene_number,
-            "scene_name": scene.name,
-            "brightness_01": scene.brightness_01,
-            "mark_m": None if scene.mark_m is None else [float(x) for x in scene.mark_m],
-            **({} if moving_heads(scene) is None else {HEADS_MOVE: True}),
-            "agents": [
-                {
-                    "agent_id": a.agent_id,
-                    "character": a.character,
-                    "place": a.place,
-                    "head_centre_m": [float(x) for x in a.head_centre_m],
-                    "head_radius_m": a.head_radius_m,
-                    "facing": [float(x) for x in a.facing],
-                    "eye_centre_m": [float(x) for x in a.eye_centre_m],
-                }
-                for a in scene.agents
-            ],
-        }
-
     def _frame_row(self, frame: FrameInfo) -> tuple[object, ...]:
         """Return a row of the frames stream without its last column, the number of gaze samples."""
         return (
@@ -835,7 +728,7 @@ class FrameLoop:
             frame.predicted_display_ns,
             STATE_CODES[self._states.state],
             self.trial_number,
-            self._scene_states.rows - 1,
+            self._scenes.state,
             frame.dropped,
         )
 

@@ -132,3 +132,47 @@ def test_an_answer_called_as_a_measure_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path, 'Measure("half",', 'Measure("nice",')
     with pytest.raises(DesignError, match="the answer nice has the column 'nice', which is a meas"):
         find_study(str(path)).experiment_to_run({})
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        ('t.show(Text("a", height_deg="5"), 1)', "Text: height_deg is '5'; it takes a number"),
+        ('t.show(Text("a", at_deg=3), 1)', r"at_deg is 3; it takes two numbers, such as \(5, 0\)"),
+        ('t.show(Text("a", colour=3), 1)', "the colour 3 is not three whole numbers"),
+        ('t.show(Grating(phase_deg="45"), 1)', "phase_deg is '45'; it takes a number, without"),
+        ('t.show(Grating(phase_deg=float("nan")), 1)', "phase_deg is nan; give degrees"),
+        ('t.show(Tone("440"))', "Tone: frequency_hz is '440'; it takes a number"),
+        ('t.show(Text("a"), "2")', "t.show: seconds is '2'; it takes a number, without quotes"),
+        ('t.show(Text("a"), 1, reveal="gaze", window_deg="5")', "t.show: window_deg is '5'"),
+        ('t.ask(Rating("nice", "1", 7))', "Rating: low is '1'; it takes a whole number"),
+    ],
+)
+def test_a_value_of_another_kind_is_refused_with_what_its_argument_takes(
+    call: str, words: str, tmp_path: Path
+) -> None:
+    path = written(tmp_path, 't.ask(Rating("nice", 1, 7))', call)
+    path.write_text("from visavis import Grating, Text, Tone\n" + path.read_text("utf-8"), "utf-8")
+    with pytest.raises(DesignError, match=f"meet.py, line 20: .*{words}"):
+        find_study(str(path)).experiment({})
+
+
+@pytest.mark.parametrize(
+    ("call", "names"),
+    [
+        ('t.show(Shape("blob"))', ["rectangle", "ellipse", "cross", "triangle"]),
+        ('t.show(Text("a", colour="#12"))', ["black", "pink"]),
+        ('t.show(Panorama("a.png", stereo="x"))', ["none", "top-bottom", "left-right"]),
+        ('t.show(Text("a"), 1, reveal="mouse")', ["pointer", "around gaze"]),
+        ('t.show(Scene("person", motion="zzz"), 1)', ["walk", "wave"]),
+    ],
+)
+def test_a_name_that_is_not_there_is_answered_with_every_name_once(
+    call: str, names: list[str], tmp_path: Path
+) -> None:
+    path = written(tmp_path, 't.ask(Rating("nice", 1, 7))', call)
+    text = "from visavis import Panorama, Shape, Text\n" + path.read_text("utf-8")
+    path.write_text(text, "utf-8")
+    with pytest.raises(DesignError) as caught:
+        find_study(str(path)).experiment({})
+    assert [1] * len(names) == [str(caught.value).count(name) for name in names]

@@ -166,7 +166,7 @@ def _row_of(
     absent = [name for name in names_of(fact) if name not in values]
     if absent:
         if not all(_was_left_out(name, study) for name in absent):
-            refuse_unknown_names(fact, values)
+            refuse_unknown_values(fact, values)
         return FidelityRow(
             fact.kind,
             fact.what,
@@ -229,7 +229,7 @@ def names_of(fact: Fact) -> tuple[str, ...]:
     )
 
 
-def refuse_unknown_names(fact: Fact, values: Collection[str]) -> None:
+def refuse_unknown_values(fact: Fact, values: Collection[str]) -> None:
     """Refuse a fact that names a value which the design does not have.
 
     Raises:

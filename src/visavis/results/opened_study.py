@@ -10,14 +10,12 @@ import numpy as np
 import pandas as pd
 
 from visavis.analysis.report.sources import provenance_of_sessions
-from visavis.analysis.statistics_report.choices import PAIR_SIGN
 from visavis.lab.config import LabConfig
-from visavis.lab.errors import ConfigError, DataError, DesignError, UsageError
+from visavis.lab.errors import ConfigError, DataError
 from visavis.lab.garbage import collecting_seldom
 from visavis.lab.yaml_lines import did_you_mean, names_or_none
 from visavis.people.person import StudyPerson
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
-from visavis.protocol.plan.design import SESSION
 from visavis.protocol.plan.experiment import ValidationPoint, ValidationVerdict
 from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.protocol.plan.shown_scene import RecordedScene
@@ -28,10 +26,8 @@ from visavis.results.analysis import (
     analyse_rows,
     measures_of,
 )
-from visavis.results.claims import printed_orders
 from visavis.results.coding import ANNOTATIONS
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
-from visavis.results.fidelity import design_names, names_of, refuse_unknown_names
 from visavis.results.flat_again import flat_views, read_items_text
 from visavis.results.gaze_order import FIXATIONS, with_fixations
 from visavis.results.intake import (
@@ -42,8 +38,12 @@ from visavis.results.intake import (
     with_remarks,
 )
 from visavis.results.locked_plan.review import PlanReview
+from visavis.results.names_in_use import (
+    refuse_impossible_tests,
+    refuse_unknown_levels,
+    refuse_unknown_names,
+)
 from visavis.results.picture_delay import SETTING, delay_of
-from visavis.results.planned_tests import primary_tests
 from visavis.results.reevaluation import pair_by_own_time
 from visavis.results.selection import Selection, left_out_lines, select
 from visavis.results.several_sessions import (
@@ -52,7 +52,7 @@ from visavis.results.several_sessions import (
     with_session_names,
 )
 from visavis.results.study_names import refuse_unusable_names
-from visavis.results.tables.dictionary import PEOPLE, of_shown, people_columns, trial_columns
+from visavis.results.tables.dictionary import PEOPLE, trial_columns
 from visavis.results.time_course import TIME_COURSE, with_time_course
 from visavis.results.validation import judge_validation
 from visavis.stimuli.areas import rooms_in
@@ -62,20 +62,16 @@ from visavis.stimuli.room_shape import shape_of
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import declared_study
-from visavis.study.conditions import columns_asked
 from visavis.study.declaration import Study
-from visavis.study.exclusions import ANSWERED_COLUMN, STANDARD_COLUMNS, Exclusion, limits_in_force
-from visavis.study.expectations import Order
+from visavis.study.exclusions import ANSWERED_COLUMN, STANDARD_COLUMNS, limits_in_force
 from visavis.study.experiment import StudyExperiment
 from visavis.study.live import Slider
 from visavis.study.measures import Measure, lost_gaze, lost_head
 from visavis.study.moulding import FIGURE_ON, FIGURE_TURNED, SLIDER_MOVED, stage_again
 from visavis.study.moulding import SCENE as LIVE_SCENE
 from visavis.study.pieces import MeasuredTrial, Pieces
-from visavis.study.responses import Choice
 from visavis.study.scenes import FLAT, PAIR, ROOM, Scene, StagedScene, Staging, stage
-from visavis.study.sections import Confusion, TrialToSee
-from visavis.study.signal_detection import DetectionValue
+from visavis.study.sections import TrialToSee
 from visavis.study.study_errors import line_saying
 from visavis.study.texts import label_of
 
@@ -115,8 +111,8 @@ class OpenedStudy:
             DesignError: a trial cannot be run through.
         """
         experiment = StudyExperiment(self.study, dict(overrides))
-        self._refuse_unknown_names(experiment)
-        self._refuse_unknown_levels()
+        refuse_unknown_names(experiment, self.measures(experiment))
+        refuse_unknown_levels(self.study)
         return experiment
 
     def experiment_to_run(self, overrides: Mapping[str, Any]) -> StudyExperiment:
@@ -128,7 +124,7 @@ class OpenedStudy:
                 not be performed or not be analysed.
         """
         experiment = self.experiment(overrides)
-        self._refuse_impossible_tests(experiment)
+        refuse_impossible_tests(experiment)
         refuse_unusable_names(experiment, self.measures(experiment))
         return experiment
 
@@ -147,188 +143,6 @@ class OpenedStudy:
                 f"({error}); analyse it with the version of Visavis that its manifest.json names "
                 "under provenance, or move its folder out of the study"
             ) from error
-
-    def _refuse_unknown_names(self, experiment: StudyExperiment) -> None:
-        """Refuse comparisons, measures, exclusions and sections with names the study does not have.
-
-        Raises:
-            DesignError: with the line of the study file and the most similar valid name.
-        """
-        measure_columns = tuple(m.column for m in self.measures(experiment))
-        groups = self.study.analysis.groups
-        factors = (
-            *(f.name for f in self.study.design.factors),
-            *self.study.design.derived,
-            *groups,
-            *((SESSION,) if self.study.design.sessions else ()),
-        )
-        uses = [
-            *((c.dv, "measure", measure_columns) for c in self.study.analysis.compare),
-            *(
-                (name, "factor", factors)
-                for c in self.study.analysis.compare
-                for name in (*c.within, *c.between, *c.only, *((c.by,) if c.by else ()))
-            ),
-            *self._asked_columns(experiment),
-        ]
-        choices = tuple(n for n, r in experiment.responses.items() if isinstance(r, Choice))
-        columns = (*factors, *(c.name for c in self.study.analysis.columns))
-        for section in self.study.report.sections:
-            if isinstance(section, Confusion):
-                uses.append((section.answered, "choice", choices))
-                uses.append((section.shown, "factor or column", columns))
-                uses += [(section.by, "factor", factors)] if section.by else []
-        roles = frozenset().union(*(t.roles for t in experiment.read.values()))
-        areas = frozenset().union(*(t.areas for t in experiment.read.values()))
-        visible = tuple(sorted(roles | areas))
-        uses += [
-            (n, "area or role", visible) for m in self.study.analysis.measures for n in m.areas
-        ]
-        for name in (m.role for m in self.study.analysis.measures if m.role in areas - roles):
-            raise DesignError(
-                f"{line_saying(self.study.files.path, name) or self.name}: {name!r} is an area of "
-                f"interest, and nobody's role; measure gaze on it by looks_at({name!r})"
-            )
-        if roles:
-            who = tuple(sorted(roles))
-            uses += [(m.role, "role", who) for m in self.study.analysis.measures if m.role]
-        # A derived study inherits what was said of its base, also about what it left out.
-        if self.study.report.source is not None and self.study.base is None:
-            facts = [f for f in self.study.report.source.facts if names_of(f)]
-            names = design_names(experiment) if facts else ()
-            uses += [(f.of, "value of the design", names) for f in facts if f.of]
-            for fact in (f for f in facts if not f.of):
-                refuse_unknown_names(fact, names)
-            for order in self.study.report.source.orders:
-                gain = () if order.gain is None else (order.gain[0],)
-                uses.append((order.measure, "measure", measure_columns))
-                uses += [(n, "factor", factors) for n in (order.factor, *order.only, *gain) if n]
-        detections = [
-            m.of_cell for m in self.study.analysis.measures if isinstance(m.of_cell, DetectionValue)
-        ]
-        if detections:
-            names_there = trial_columns(experiment, self.measures(experiment))
-            responses = [r for t in experiment.read.values() for r in t.responses]
-            for value in detections:
-                uses += value.uses(names_there, responses, experiment.levels)
-        own = [r for r in self.study.analysis.exclusions if r.column not in STANDARD_COLUMNS]
-        for rule in own:
-            uses += self._unknown_column(rule, experiment)
-        for name, kind, valid_names in uses:
-            if name not in valid_names:
-                place = line_saying(self.study.files.path, name) or f"study {self.study.name}"
-                near = did_you_mean(name, valid_names) or f"; there are {names_or_none(())}"
-                is_short = near.endswith("?") and not kind.startswith("column")
-                there = f" there are {names_or_none(valid_names)}" if is_short else ""
-                raise DesignError(f"{place}: there is no {kind} {name!r}{near}{there}")
-        primary_tests(self.study, experiment.compare)
-
-    def _asked_columns(self, experiment: StudyExperiment) -> list[tuple[str, str, tuple[str, ...]]]:
-        """Return every column that conditions of comparisons and groups read, and all there are.
-
-        Raises:
-            DesignError: a group of people has the name of a column.
-        """
-        groups, comparisons = self.study.analysis.groups, self.study.analysis.compare
-        conditions = [text for c in comparisons for text in c.where]
-        covariates = [name for c in comparisons for name in c.covariates]
-        columns = columns_asked(conditions, (*groups, *covariates), groups)
-        if not columns:
-            return []
-        questionnaires = self.original_questionnaires(self.study.asks.questionnaires)
-        there = {
-            **trial_columns(experiment, self.measures(experiment)),
-            **people_columns(questionnaires),
-        }
-        for name in groups:
-            if name in there:
-                place = line_saying(self.study.files.path, name) or f"study {self.study.name}"
-                raise DesignError(
-                    f"{place}: {name!r} is a column already; give the group of people another name"
-                )
-        return [(name, "column", (*there, *groups)) for name in columns]
-
-    def _refuse_unknown_levels(self) -> None:
-        """Refuse comparisons, directions of claims and published results of levels not there.
-
-        Raises:
-            DesignError: with the line of the study file and the most similar valid name.
-        """
-        levels = {f.name: tuple(map(str, f.levels)) for f in self.study.design.factors}
-        levels |= {name: tuple(of) for name, of in self.study.analysis.groups.items()}
-        levels |= {SESSION: tuple(self.study.design.sessions)} if self.study.design.sessions else {}
-        # Groups of people may be left to whoever derives the study, and derived columns follow
-        # from trials.
-        between = {f.name for f in self.study.design.factors if f.between}
-        for compare in self.study.analysis.compare:
-            for factor, level in compare.only.items():
-                if factor in levels.keys() - between and str(level) not in levels[factor]:
-                    place = line_saying(self.study.files.path, str(level)) or self.study.name
-                    raise DesignError(
-                        f"{place}: only={{{factor!r}: {level!r}}} names {level!r}, which is no "
-                        f"level of {factor}{did_you_mean(level, levels[factor])}"
-                    )
-        for compare in (c for c in self.study.analysis.compare if c.within or c.between):
-            texts = [(compare.expects, compare.orders)]
-            texts += [
-                (result.order, printed_orders(compare, term))
-                for term, result in compare.published_terms.items()
-            ]
-            for text, orders in texts:
-                for order in orders:
-                    factors = (order.factor,) if order.factor in levels else compare.within
-                    names = [level for f in factors for level in levels.get(f, ())]
-                    if compare.model == "bradleyterry":
-                        names = [item for level in names for item in level.split(PAIR_SIGN)]
-                    # An interaction, like a one-sided test, has one direction between two levels.
-                    two_only = len(orders) == 2 or (compare.one_sided and text == compare.expects)
-                    self._refuse_order(text, order, tuple(dict.fromkeys(names)), two_only)
-
-    def _refuse_impossible_tests(self, experiment: StudyExperiment) -> None:
-        """Refuse choices that a comparison's test does not have, before anybody takes part.
-
-        Raises:
-            DesignError: with the line of the study file and what the test has.
-        """
-        groups = {name: tuple(of) for name, of in self.study.analysis.groups.items()}
-        levels: dict[str, tuple[Any, ...]] = {**experiment.levels, **groups}
-        for compare in experiment.compare:
-            factors = (*compare.within, *compare.between)
-            if not set(factors) <= set(levels):
-                continue  # refused by name elsewhere, or a column that trials write
-            try:
-                compare.question({f: tuple(map(str, levels[f])) for f in factors})
-            except UsageError as problem:
-                place = line_saying(self.study.files.path, compare.dv) or f"study {self.study.name}"
-                raise DesignError(f"{place}: the comparison {compare.name}: {problem}") from problem
-
-    def _refuse_order(self, text: str, order: Order, levels: Sequence[str], two_only: bool) -> None:
-        """Refuse an order of other levels than these, or of more where there may be two only."""
-        place = line_saying(self.study.files.path, text) or f"study {self.study.name}"
-        for name in order.names if levels else ():  # levels of derived columns follow from trials
-            if name not in levels:
-                near = did_you_mean(name, levels)
-                raise DesignError(f"{place}: {text!r} names {name!r}, which is no level{near}")
-        if two_only and len(levels) > 2:
-            raise DesignError(
-                f"{place}: {text!r} is of an interaction or one-sided, and {order.factor} has "
-                f"{len(levels)} levels; only between two levels is there one direction. Expect an "
-                "order of one factor, tested on both sides, instead"
-            )
-
-    def _unknown_column(
-        self, rule: Exclusion, experiment: StudyExperiment
-    ) -> list[tuple[str, str, tuple[str, ...]]]:
-        """Return the error of a rule whose column no trial and no person can have; else nothing."""
-        if rule.level == "participant":
-            valid_names = tuple(c.name for c in PEOPLE)
-            # The names of a study's own facts are known only once there are data.
-            is_known = rule.column in valid_names or self.study.analysis.facts_of is not None
-        else:
-            valid_names = tuple(trial_columns(experiment, self.measures(experiment)))
-            roles = frozenset().union(*(t.roles for t in experiment.read.values()))
-            is_known = rule.column in valid_names or of_shown(rule.column, roles)
-        return [] if is_known else [(rule.column, f"column of {rule.level}s", valid_names)]
 
     def _refuse_absent(
         self, experiment: StudyExperiment, rows: pd.DataFrame, facts: pd.DataFrame | None

@@ -61,10 +61,10 @@ def rgb_of(colour: Colour) -> tuple[int, int, int]:
         except ValueError:
             pass
         raise DesignError(
-            f"there is no colour {colour!r}{did_you_mean(colour, COLOURS)}; name one of "
-            f'{", ".join(COLOURS)}, or write "#rrggbb" or three numbers from 0 to 255'
+            f"there is no colour {colour!r}{did_you_mean(colour, COLOURS)}; "
+            'it may be "#rrggbb" or three numbers from 0 to 255, too'
         )
-    numbers = tuple(colour)
+    numbers = tuple(colour) if isinstance(colour, tuple | list) else ()
     if len(numbers) != 3 or any(not isinstance(n, int) or not 0 <= n <= LEVELS for n in numbers):
         raise DesignError(f"the colour {colour!r} is not three whole numbers from 0 to 255")
     return numbers
@@ -82,6 +82,12 @@ def _require_size(what: str, **sizes_deg: float) -> None:
     for name, deg in sizes_deg.items():
         if not 0.0 < deg <= MAX_DEG:
             raise DesignError(f"{what}: {name} is {deg:g}; from 0 to {MAX_DEG:g} degrees")
+
+
+def _require_angle(what: str, **angles_deg: float) -> None:
+    for name, deg in angles_deg.items():
+        if not math.isfinite(deg):
+            raise DesignError(f"{what}: {name} is {deg:g}; give degrees")
 
 
 def _require_place(what: str, at_deg: tuple[float, float]) -> tuple[float, float]:
@@ -152,8 +158,7 @@ class Shape:
         _write_plain_numbers(self)
         if self.kind not in get_args(Kind):
             raise DesignError(
-                f"there is no shape {self.kind!r}{did_you_mean(self.kind, get_args(Kind))}; "
-                f"there are {', '.join(get_args(Kind))}"
+                f"there is no shape {self.kind!r}{did_you_mean(self.kind, get_args(Kind))}"
             )
         high = self.width_deg if self.height_deg is None else self.height_deg
         _require_size(f"Shape {self.kind}", width_deg=self.width_deg, height_deg=high)
@@ -191,6 +196,8 @@ class Grating:
             raise DesignError(f"Grating: cycles_per_deg is {self.cycles_per_deg:g}; above 0")
         if not 0.0 <= self.contrast_01 <= 1.0:
             raise DesignError(f"Grating: contrast_01 is {self.contrast_01:g}; from 0 to 1")
+        angles_deg = {n: getattr(self, n) for n in ("orientation_deg", "phase_deg")}
+        _require_angle("Grating", **angles_deg)
         if self.mask not in get_args(Mask):
             raise DesignError(f"Grating: mask is {self.mask!r}; {', '.join(get_args(Mask))}")
         sd_deg = self.width_deg / 6 if self.sd_deg is None else self.sd_deg
@@ -233,8 +240,7 @@ class Dots:
             )
         if not 0.0 <= self.coherence_01 <= 1.0:
             raise DesignError(f"Dots: coherence_01 is {self.coherence_01:g}; from 0 to 1")
-        if not math.isfinite(self.direction_deg):
-            raise DesignError(f"Dots: direction_deg is {self.direction_deg:g}; give degrees")
+        _require_angle("Dots", direction_deg=self.direction_deg)
         if not 0.0 < self.rate_hz <= MAX_STEPS_HZ:
             raise DesignError(f"Dots: rate_hz is {self.rate_hz:g}; up to {MAX_STEPS_HZ:g}")
         if not 0.0 <= self.speed_deg_per_s <= self.width_deg * self.rate_hz / 4:
@@ -314,8 +320,7 @@ class Panorama:
         if self.stereo not in get_args(Stereo):
             raise DesignError(
                 f"Panorama {self.file!r}: stereo is {self.stereo!r}"
-                f"{did_you_mean(str(self.stereo), get_args(Stereo))}; it is one of "
-                f"{', '.join(get_args(Stereo))}"
+                f"{did_you_mean(self.stereo, get_args(Stereo))}"
             )
         if not -360.0 <= self.yaw_deg <= 360.0:
             raise DesignError(f"Panorama {self.file!r}: yaw_deg is {self.yaw_deg:g}; -360 to 360")

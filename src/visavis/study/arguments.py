@@ -1,7 +1,10 @@
-"""The arguments of functions that a study file calls, and the error for an unknown one."""
+"""The arguments of functions that a study file calls, and the errors for an unknown one and for
+values of another kind.
+"""
 
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from numbers import Integral, Real
 from typing import Any, Final
 
 from visavis.lab.yaml_lines import did_you_mean, names_or_none
@@ -14,6 +17,25 @@ FORMER_NAMES: Final = {
     "unopinionated": "neutral_answer",
 }
 """Names of version 0.2.0 that study files use, and what they are called now."""
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _is_place(value: object) -> bool:
+    return isinstance(value, tuple | list) and len(value) == 2 and all(map(_is_number, value))
+
+
+KINDS: Final[Mapping[str, tuple[str, Callable[[object], bool]]]] = {
+    "float": ("a number", _is_number),
+    "int": ("a whole number", lambda v: isinstance(v, Integral) and not isinstance(v, bool)),
+    "str": ("a text", lambda v: isinstance(v, str)),
+    "bool": ("True or False", lambda v: isinstance(v, bool)),
+    "tuple[float, float]": ("two numbers, such as (5, 0)", _is_place),
+    "None": ("", lambda v: v is None),
+}
+"""By annotation: what an argument takes, and whether a value is that."""
 
 
 def new_name(name: str, possible: Iterable[str]) -> str:
@@ -36,3 +58,24 @@ def argument_names(function: Callable[..., Any]) -> tuple[str, ...]:
     kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     parameters = inspect.signature(function).parameters.values()
     return tuple(p.name for p in parameters if p.kind in kinds and p.name != "self")
+
+
+def other_kinds(what: str, taker: Callable[..., Any], values: Mapping[str, object]) -> list[str]:
+    """Return, for each argument whose value is not of its kind, what it takes instead.
+
+    Arguments of other annotations than those of `KINDS` take anything.
+    """
+    messages = []
+    for parameter in inspect.signature(taker).parameters.values():
+        annotation = parameter.annotation
+        name = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
+        kinds = [KINDS.get(part) for part in name.split(" | ")]
+        value = values.get(parameter.name)
+        if value is parameter.default or parameter.name not in values:
+            continue
+        if any(kind is None or kind[1](value) for kind in kinds):
+            continue
+        words = " or ".join(kind[0] for kind in kinds if kind is not None and kind[0])
+        hint = ", without quotes" if isinstance(value, str) and "number" in words else ""
+        messages.append(f"{what}: {parameter.name} is {value!r}; it takes {words}{hint}")
+    return messages

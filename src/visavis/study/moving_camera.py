@@ -70,10 +70,9 @@ class _Subject:
         if first is None:
             raise DesignError(f"scene {film.scene.name} shows nothing at its onset")
         if role not in staged_scene.roles:
-            roles = ", ".join(staged_scene.roles)
             raise DesignError(
                 f"scene {film.scene.name} has nobody who is {role!r} to film"
-                f"{did_you_mean(role, tuple(staged_scene.roles))}; it has {roles}"
+                f"{did_you_mean(role, staged_scene.roles)}"
             )
         self._frame, self.index = first, staged_scene.roles[role]
         self.picture_at: Callable[[int], Picture] = lru_cache(maxsize=4)(self._draw_picture)

@@ -729,15 +729,12 @@ def _does(motion: str, how: Mapping[str, Any], folder: Path, character: str) -> 
     path = folder / motion
     if path.suffix.lower() not in MOTION_SUFFIXES:
         raise DesignError(
-            f"there is no motion {motion!r}{did_you_mean(motion, MOTIONS)}; name one of "
-            f"{', '.join(MOTIONS)}, or the path of a clip (.npz, .bvh)"
+            f"there is no motion {motion!r}{did_you_mean(motion, MOTIONS)}; the path of a clip "
+            "(.npz, .bvh) will do, too"
         )
     return Recorded(read_motion(path, default_casting(character).skeleton, **how))
 
 
 def _one_of(scene: str, option: str, value: str, values: tuple[str, ...]) -> None:
     if value not in values:
-        raise DesignError(
-            f"scene {scene}: {option} is {value!r}{did_you_mean(value, values)}; it is one of "
-            f"{', '.join(values)}"
-        )
+        raise DesignError(f"scene {scene}: {option} is {value!r}{did_you_mean(value, values)}")

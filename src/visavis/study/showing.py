@@ -189,8 +189,7 @@ def window_of(
         return None
     names = get_args(Reveal)
     if reveal not in names:
-        near = did_you_mean(str(reveal), names)
-        raise DesignError(f"t.show: reveal is {reveal!r}{near}; there are {', '.join(names)}")
+        raise DesignError(f"t.show: reveal is {reveal!r}{did_you_mean(reveal, names)}")
     if not 0.1 <= window_deg <= 60:
         raise DesignError(f"t.show: window_deg is {window_deg:g}; from 0.1 to 60 degrees")
     if not 0 <= edge_deg <= window_deg:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.running.page.test_reception import Place, served
+from tests.running.page.served_places import Place, served
 from visavis.lab.errors import DataError
 from visavis.running.page.client import arrive, visit
 from visavis.running.page.reception import Reception, Rules

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.running.page.test_reception import Somebody, served
+from tests.running.page.served_places import Somebody, served
 from visavis.lab.clock import SimClock
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE

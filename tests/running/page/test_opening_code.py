@@ -6,7 +6,7 @@ from typing import Any
 import aiohttp
 import pytest
 
-from tests.running.page.test_reception import Place, served
+from tests.running.page.served_places import Place, served
 from visavis.lab.clock import NS_PER_S
 from visavis.running.page.opening_code import (
     DIGITS,

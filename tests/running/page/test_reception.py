@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import json
-from collections.abc import Awaitable, Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,114 +12,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.running.page.pages import SEED, config, experiment, study
+from tests.running.page.pages import experiment, study
+from tests.running.page.served_places import Place, posted, serve_file, served, void
 from visavis.cli.commands.serving import people_wanted
 from visavis.experiments.interpolation.study import study as interpolation
-from visavis.lab.clock import SimClock
 from visavis.lab.errors import DataError, UsageError
 from visavis.protocol.people.key_file import KeyFile
-from visavis.protocol.people.ledger import Ledger
-from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.reader import Recording
-from visavis.results.opened_study import find_study
-from visavis.running.film_store import film_store
 from visavis.running.page.arrivals import arrival_of, check_completion, completion_of, least_filled
 from visavis.running.page.client import arrive, visit
-from visavis.running.page.opening_code import OpeningCode
 from visavis.running.page.perform import about_of
 from visavis.running.page.reception import ARRIVED_IDLE_NS, IDLE_NS, Reception, Rules
 from visavis.running.page.server import KEY, PageServer
 from visavis.running.page.steps import PageError, PageStep
-from visavis.running.page.visitor import Visitor, visitor_of
-from visavis.running.sessions.session_request import Request, SessionPerson
 from visavis.study.experiment import StudyExperiment
 from visavis.study.returning import Returning
-
-
-class Somebody(Visitor):
-    """A visitor who may stop at the first page of text."""
-
-    stop = ""
-
-    def reply(self, step: PageStep) -> dict[str, Any]:
-        if self.stop == "decline" and step.kind == "consent":
-            return {"agreed": False}
-        if self.stop and step.kind == "watch":
-            return {"stop": self.stop, "hidden_ms": 0.0}
-        return super().reply(step)
-
-
-class Place:
-    """A study that is served, with its ledger and the identities it keeps elsewhere."""
-
-    def __init__(self, root: Path, rules: Rules, code: OpeningCode | None = None) -> None:
-        self.code = code
-        self.clock = SimClock()
-        self.lab = config(root)
-        self.folder = self.lab.data_root / "simulated" / study().name
-        self.folder.mkdir(parents=True, exist_ok=True)
-        self.ledger = Ledger(self.folder, self.clock, prefix="S")
-        self.who: dict[str, Mapping[str, str]] = {}
-        self.rules = rules
-
-    def reception(self) -> Reception:
-        base = Request(
-            study=study(),
-            experiment=experiment(),
-            config=self.lab,
-            person=SessionPerson("", 0),
-            seed=SEED,
-            clock=self.clock,
-            operator=UnattendedOperator(),
-            on="browser",
-        )
-        return Reception(
-            base,
-            film_store(experiment()),
-            self.ledger,
-            self.rules,
-            identify=self.who.__setitem__,
-            identity_of=self.who.get,
-            forget=lambda label: self.who.pop(label, None),
-            withdraw=lambda label: void(self.ledger.withdraw(label, [self.folder])),
-            code=self.code,
-        )
-
-    def visitor(self, stop: str = "") -> Somebody:
-        person = study().participant(0, SEED, effect=True, experiment=experiment())
-        made = visitor_of(person, experiment(), film_store(experiment()))
-        somebody = Somebody(
-            made.person, made.films, made.responses, made.views, made.store, made.sound_of
-        )
-        somebody.stop = stop
-        somebody.now_ms = self.clock.now_ns() / 1e6
-        return somebody
-
-    def sessions(self) -> list[Path]:
-        return sorted(self.folder.glob("sub-*/ses-001"))
-
-
-def void(_: object) -> None:
-    """Return nothing of something."""
-
-
-def served(place: Place, act: Callable[[str, Reception], Awaitable[Any]]) -> Any:
-    """Serve a study while somebody acts, then end the server."""
-
-    async def whole() -> Any:
-        reception = place.reception()
-        server = PageServer(reception=reception)
-        await server.start()
-        until = asyncio.Event()
-        serving = asyncio.create_task(reception.serve(server, until))
-        try:
-            return await act(f"http://127.0.0.1:{server.port}", reception)
-        finally:
-            until.set()
-            await serving
-            await server.stop()
-
-    return asyncio.run(whole())
 
 
 @pytest.fixture
@@ -245,14 +151,6 @@ def test_a_place_is_taken_with_the_consent_and_whoever_consents_too_late_is_told
     payloads = list(late.events().loc[late.events()["name"] == "page_event", "payload"])
     assert [{"agreed": True, "is_full": True}] == [payload["reply"] for payload in payloads]
     assert {} == place.who
-
-
-def serve_file(path: Path, text: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make what this module serves the study that a file holds."""
-    path.write_text(text, "utf-8")
-    found = find_study(str(path))
-    for name, made in (("study", found), ("experiment", found.experiment({}))):
-        monkeypatch.setattr(f"{__name__}.{name}", lambda made=made: made)
 
 
 WITHOUT_CONSENT = """
@@ -704,13 +602,6 @@ def test_who_left_and_is_withdrawn_beside_the_server_makes_room(tmp_path: Path) 
     assert 1 == len(place.sessions())
 
 
-async def posted(base: str, path: str, body: dict[str, Any], key: str = "") -> dict[str, Any]:
-    async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
-        async with http.post(path, json=body) as response:
-            answer: dict[str, Any] = await response.json()
-            return answer
-
-
 @pytest.mark.parametrize(("stop", "outcome"), [("", "done"), ("keep", "stopped")])
 def test_who_comes_again_to_a_session_that_is_over_is_told_so_and_nothing_is_added(
     place: Place, stop: str, outcome: str
@@ -790,7 +681,9 @@ def test_a_stranger_writes_no_line_of_their_own_to_whoever_serves(
     place: Place, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lines: list[str] = []
-    monkeypatch.setattr(f"{__name__}.Reception", partial(Reception, say=lines.append))
+    monkeypatch.setattr(
+        "tests.running.page.served_places.Reception", partial(Reception, say=lines.append)
+    )
 
     async def act(base: str, reception: Reception) -> dict[str, Any]:
         forged = {"PROLIFIC_PID": "a\r\n\x1b[1AFor you alone\x9b2K\u2028http://elsewhere"}

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.running.page.pages import Page, begun, gone_on, study
-from tests.running.page.test_reception import Place, served
+from tests.running.page.served_places import Place, served
 from visavis.analysis.session_check import check_session
 from visavis.lab.errors import DesignError
 from visavis.recording.reader import Recording

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.running.page.pages import begun
-from tests.running.page.test_reception import Place, served
+from tests.running.page.served_places import Place, served
 from visavis.running.page.client import arrive
 from visavis.running.page.reception import Reception, Rules
 from visavis.running.page.server import HEADERS, KEY, PageServer, PageSession
