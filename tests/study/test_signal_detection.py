@@ -141,3 +141,16 @@ def test_a_name_that_no_trial_has_is_refused_before_anybody_takes_part(
     (tmp_path / "memory.py").write_text(study, "utf-8")
     with pytest.raises(DesignError, match=says):
         find_study(str(tmp_path / "memory.py")).experiment({})
+
+
+@pytest.mark.parametrize(
+    "compare", ['within="face"', 'within=("mouth", "face")', 'within="mouth", only={"face": "old"}']
+)
+def test_no_comparison_parts_the_two_kinds_of_trials_that_sensitivity_needs(
+    tmp_path: Path, compare: str
+) -> None:
+    text = STUDY.replace('within="mouth", expects="smile > rest"', compare)
+    assert compare in text
+    (tmp_path / "memory.py").write_text(text, "utf-8")
+    with pytest.raises(DesignError, match="memory.py, line 9: .*'face' tells one from the other"):
+        find_study(str(tmp_path / "memory.py")).experiment({})

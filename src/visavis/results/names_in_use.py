@@ -80,13 +80,11 @@ def refuse_unknown_names(experiment: StudyExperiment, measures: Sequence[Measure
             gain = () if order.gain is None else (order.gain[0],)
             uses.append((order.measure, "measure", measure_columns))
             uses += [(n, "factor", factors) for n in (order.factor, *order.only, *gain) if n]
-    detections = [
-        m.of_cell for m in study.analysis.measures if isinstance(m.of_cell, DetectionValue)
-    ]
+    detections = _detections(study)
     if detections:
         names_there = trial_columns(experiment, measures)
         responses = [r for t in experiment.read.values() for r in t.responses]
-        for value in detections:
+        for value in detections.values():
             uses += value.uses(names_there, responses, experiment.levels)
     own = [r for r in study.analysis.exclusions if r.column not in STANDARD_COLUMNS]
     for rule in own:
@@ -128,6 +126,29 @@ def _asked_columns(
                 f"{place}: {name!r} is a column already; give the group of people another name"
             )
     return [(name, "column", (*there, *groups)) for name in columns]
+
+
+def _detections(study: Study) -> dict[str, DetectionValue]:
+    """Return the measures of signal detection by column.
+
+    Raises:
+        DesignError: a comparison takes one over what tells signals from others.
+    """
+    measures = {
+        m.column: m.of_cell
+        for m in study.analysis.measures
+        if isinstance(m.of_cell, DetectionValue)
+    }
+    for compare in (c for c in study.analysis.compare if c.dv in measures):
+        signal = measures[compare.dv].signal
+        if signal in (*compare.within, *compare.between, *compare.only, compare.by):
+            place = line_saying(study.files.path, compare.dv) or f"study {study.name}"
+            raise DesignError(
+                f"{place}: {compare.dv} is taken from trials with a signal and without, and "
+                f"{signal!r} tells one from the other: no cell of it has both; compare "
+                f"{compare.dv} over another factor"
+            )
+    return measures
 
 
 def refuse_unknown_levels(study: Study) -> None:

@@ -30,6 +30,7 @@ from visavis.lab.geometry import Pose
 from visavis.lab.plain_files import parse_json, read_plain
 from visavis.lab.version import version
 from visavis.protocol.plan.experiment import no_progress
+from visavis.recording.durable import replace_file
 from visavis.running.film_edges import refuse_cut_off
 from visavis.running.page.spoken_digits import spoken_digits
 from visavis.running.sound_store import require_fit
@@ -289,7 +290,7 @@ class FilmStore:
             "quality": dict(FILM_QUALITY),
             "encoding": dict(ENCODING),
         }
-        path.with_suffix(".json").write_text(json.dumps(about), encoding="utf-8")
+        replace_file(path.with_suffix(".json"), json.dumps(about).encode())
         draft.replace(path)
 
 
