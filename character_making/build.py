@@ -46,6 +46,7 @@ from visavis.stimuli.characters.levels import (
     LEVELS,
     LevelBudget,
     join_skinned_meshes,
+    keep_triangles,
     lighter,
     thin_mesh,
 )
@@ -279,6 +280,10 @@ _TRIM = 1200
 """Triangles of a neckline's band or a collar in the finest level at most."""
 _HAIR = (0, 1, 2)
 """How coarse the hair of each level is."""
+_SCALP = (0, 300, 110)
+"""Triangles of the scalp below it in the coarser ones."""
+_NOT_FROM_AFAR = ("teeth", "lash", "hair")
+"""What thinning does not touch: teeth and lashes are smaller than what it leaves."""
 _LIGHTER_BY = tuple(range(0, 240, 8))
 """Levels are tried with so many triangles fewer, until what is seen of feet holds."""
 _FEWER = (0, 30, 60, 90, 120, 150)
@@ -318,16 +323,16 @@ def levels_of(
     # Among large surfaces the folds of a collar would be thinned to rags.
     whole = assembled(figure, [p for p in pieces if not p.is_trim], materials)
     trim = [thin_mesh(assembled(figure, [p], materials), _TRIM) for p in pieces if p.is_trim]
-    # Teeth and lashes are smaller than what thinning leaves: from afar they would poke out.
     far, unshaded = (
-        assembled(figure, [p for p in some if p.material not in ("teeth", "lash")], materials)
+        assembled(figure, [p for p in some if p.material not in _NOT_FROM_AFAR], materials)
         for some in (from_afar, plain)
     )
+    scalp = assembled(figure, [p for p in from_afar if p.material == "hair"], materials)
 
     def hair_at(coarse: int, first: int = 0) -> SkinnedMesh:
-        # Of the sheets only the two outer ones are seen from afar.
-        some = [g for i, g in enumerate(hair) if not (coarse and i == 0 and isinstance(g, Sheet))]
-        return assembled(figure, [drawn(figure, g, coarse, first) for g in some], materials)
+        locks = assembled(figure, drawn(figure, hair, coarse, first), materials)
+        # With the body a scalp would lose its roundness, and hair would stand off it.
+        return join_skinned_meshes([thin_mesh(scalp, _SCALP[coarse]), locks]) if coarse else locks
 
     locks_of = {coarse: hair_at(coarse) for coarse in sorted(set(_HAIR))}
     levels: list[SkinnedMesh] = []
@@ -384,7 +389,25 @@ def _coloured_as(thin: SkinnedMesh, whole: SkinnedMesh, other: SkinnedMesh) -> S
     return replace(thin, colour_srgb=other.colour_srgb[index])
 
 
+def with_lashes(person: Character, figure: Figure, pieces: Sequence[Piece]) -> Character:
+    """Return the person in full with all lashes of the pieces: they are finer than what thinning
+    leaves.
+    """
+    full, whole = person.levels[0], assembled(figure, pieces, person.materials)
+    lash = [m.name for m in person.materials].index("lash")
+    others = keep_triangles(full, full.triangle_material != lash)
+    full = join_skinned_meshes([others, keep_triangles(whole, whole.triangle_material == lash)])
+    return replace(person, levels=(full, *person.levels[1:]))
+
+
 _COILED_LIGHTER = 2.2
+
+
+def hair_colour_of(recipe: Recipe) -> Vector:
+    """Return what the picture of hair is tinted with: that of coils is darker than that of strands,
+    for between them lies shade.
+    """
+    return rgb(recipe.face.hair) * (_COILED_LIGHTER if STYLES[recipe.hair].curl_m else 1.0)
 
 
 def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> Character:
@@ -401,14 +424,13 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
     bare = np.asarray((covered >= -0.02)[body.triangles].any(axis=1))
     rng = np.random.default_rng(seed)
     style = STYLES[recipe.hair]
-    # The picture of coils is darker than that of strands: between them lies shade.
-    hair_colour = rgb(recipe.face.hair) * (_COILED_LIGHTER if style.curl_m else 1.0)
+    hair_colour = hair_colour_of(recipe)
     cloth = [piece for piece in worn if piece.material != "shoe"]
     own = [
         *mouth_apart(_below_clothes(body, covered), workshop.canvas, bare),
         *eyeballs(figure),
         *mouth_pieces(figure),
-        *lashes(figure, rgb(recipe.face.brow) * 0.4, morphs),
+        *lashes(figure, rgb(recipe.face.brow) * 0.4, base_colour(recipe.face), morphs),
         shell(figure, body, hair_colour, style, seed),
     ]
     hair = locks(figure, body, cloth, hair_colour, style, seed, recipe.face.grey)
@@ -435,7 +457,7 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         Material("under", "cloth", 0.9, double_sided=True),
         Material("shoe", "leather", 0.5, double_sided=True),
     )
-    locks_near = [drawn(figure, group, 0) for group in hair]
+    locks_near = drawn(figure, hair, 0)
     near, far = (shaded([*own, *clothes], locks_near) for clothes in (worn, worn_far))
     blank = Character(
         name=recipe.name,
@@ -465,4 +487,4 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         return feet_hold(dressed((*levels, *levels[-1:] * missing), ()), len(levels) - 1)
 
     levels, copies = levels_of(figure, near, far, hair, materials, own + worn_far, holds)
-    return dressed(levels, copies)
+    return with_lashes(dressed(levels, copies), figure, own)

@@ -8,7 +8,7 @@ import numpy as np
 
 from character_making.figure import Figure
 from character_making.hairline import hairline_field
-from character_making.mantle import Head, Sheet, outwards
+from character_making.mantle import Head, Sheet, outwards, upon
 from character_making.noise import noise
 from character_making.pieces import Piece
 from visavis.lab.geometry import Vector, unit
@@ -38,8 +38,8 @@ class Combing:
     rough_m: float = 0.0020
     ragged_m: float = 0.010
     loose: int = 40
-    at_edge: int = 60
-    rows: int = 12
+    at_edge: int = 90
+    rows: int = 11
 
 
 def combed(
@@ -139,14 +139,16 @@ def combed(
     n, n_edge = combing.loose, combing.at_edge
     begins = np.concatenate([rng.uniform(0.05, 0.55, n), rng.uniform(0.50, 0.72, n_edge)])
     stops = np.concatenate([rng.uniform(0.80, 0.98, n), rng.uniform(0.90, 1.0, n_edge)])
-    most_m = 0.0036 if tie_m is None else 0.0022
-    stand_m = np.concatenate([rng.uniform(0.0010, most_m, n), rng.uniform(0.0004, 0.0016, n_edge)])
+    most_m = 0.0022
+    stand_m = np.concatenate([rng.uniform(0.0012, most_m, n), rng.uniform(0.0008, 0.0016, n_edge)])
     sizes = n + n_edge
     along = np.linspace(0, 1, 7)
     guide = rng.uniform(0, _GUIDES - 1, sizes)[:, None] + rng.normal(0, 0.5, (sizes, 1)) * along**2
-    line, out = _upon(sheets[-1], guide, begins[:, None] + along * (stops - begins)[:, None])
+    line, out = upon(
+        sheets[-1], guide % (_GUIDES - 1), begins[:, None] + along * (stops - begins)[:, None]
+    )
     # Tied at one end and rooted at the other, it stands off in between alone.
-    off = 0.5 + along if tie_m is None else np.sin(np.pi * along)
+    off = 0.8 + 0.4 * along if tie_m is None else 0.4 + 0.6 * np.sin(np.pi * along)
     return sheets, line + (stand_m[:, None] * off)[..., None] * out, out
 
 
@@ -159,22 +161,3 @@ def _beside(values: Vector) -> Vector:
     closed = np.concatenate([values[-2:-1], values, values[1:2]])
     smooth: Vector = 0.25 * closed[:-2] + 0.5 * closed[1:-1] + 0.25 * closed[2:]
     return smooth
-
-
-def _upon(sheet: Sheet, guide: Vector, down: Vector) -> tuple[Vector, Vector]:
-    """Return places (n, rows, 3) and outward directions on a closed sheet: at guides (n, rows),
-    as shares `down` of the way from root to tip.
-    """
-    n_guides, n_rows, _ = sheet.line.shape
-    guide = guide % (n_guides - 1)
-    at = np.clip(down, 0, 1) * (n_rows - 1.001)
-    g, r = np.floor(guide).astype(np.int64), np.floor(at).astype(np.int64)
-    s, t = (guide - g)[..., None], (at - r)[..., None]
-
-    def mixed(values: Vector) -> Vector:
-        one = (1 - t) * values[g, r] + t * values[g, r + 1]
-        other = (1 - t) * values[g + 1, r] + t * values[g + 1, r + 1]
-        both: Vector = (1 - s) * one + s * other
-        return both
-
-    return mixed(sheet.line), unit(mixed(sheet.out))

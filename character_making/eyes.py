@@ -1,6 +1,7 @@
 """Eyeballs as true spheres round the joint, and lashes as single hairs."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -89,13 +90,33 @@ def mouth_pieces(figure: Figure) -> list[Piece]:
     return pieces
 
 
-def lashes(figure: Figure, colour: Vector, morphs: Mapping[str, Vector]) -> list[Piece]:
+@dataclass(frozen=True)
+class Lash:
+    """How lashes of one lid are drawn: hairs from column to column of the base mesh's strip, the
+    share of its length they reach, half their width at the root, and the share of the skin in
+    their colour: fine hairs that cover little of a pixel.
+    """
+
+    between: int
+    reach: float
+    half_wide_m: float
+    skin: float
+
+
+LASHES = {"1": Lash(3, 0.75, 0.00011, 0.45), "2": Lash(4, 0.85, 0.00022, 0.0)}
+"""Of the lower and of the upper lid, by the base mesh's numbers."""
+
+
+def lashes(
+    figure: Figure, colour: Vector, skin: Vector, morphs: Mapping[str, Vector]
+) -> list[Piece]:
     """Return lashes as single tapering hairs between root and tip of the base mesh's strips."""
     pieces = []
     for side in ("l", "r"):
-        for strip, hairs in (("1", 2), ("2", 3)):
+        for strip, lash in LASHES.items():
             quads = figure.source.quads(f"helper-{side}-eyelashes-{strip}")
-            pieces.append(_hairs(figure, quads, hairs, colour, morphs))
+            tone = (1 - lash.skin) * colour + lash.skin * skin
+            pieces.append(_hairs(figure, quads, lash, tone, morphs))
     return pieces
 
 
@@ -123,7 +144,7 @@ def _columns(quads: Indices, distance: Vector) -> list[list[int]]:
 
 
 def _hairs(
-    figure: Figure, quads: Indices, between: int, colour: Vector, morphs: Mapping[str, Vector]
+    figure: Figure, quads: Indices, lash: Lash, colour: Vector, morphs: Mapping[str, Vector]
 ) -> Piece:
     side = "left" if figure.source.base_m[quads[0, 0], 0] < 0 else "right"
     # The way from root to tip is read off the base mesh, so that all figures have the same.
@@ -131,22 +152,24 @@ def _hairs(
     plain = np.linalg.norm(figure.source.base_m - figure.source.base_m[cube].mean(axis=0), axis=1)
     columns = _columns(quads, plain)
     columns.sort(key=lambda path: float(figure.source.base_m[path[0], 0]))
-    length = {"1": 0.55, "2": 0.85}["1" if between == 2 else "2"]
 
     def rows(values: Vector) -> Vector:
         """Return (hairs, 3, 3): root, middle, tip of every hair."""
         root = np.array([values[path[1]] for path in columns])
         middle = np.array([values[path[min(2, len(path) - 1)]] for path in columns])
         end = np.array([values[path[-1]] for path in columns])
-        ways = np.stack([root, root + length * (middle - root), root + length * (end - root)], 1)
+        ways = np.stack(
+            [root, root + lash.reach * (middle - root), root + lash.reach * (end - root)], 1
+        )
         steps = [
-            (1 - t) * ways[:-1] + t * ways[1:] for t in np.linspace(0, 1, between, endpoint=False)
+            (1 - t) * ways[:-1] + t * ways[1:]
+            for t in np.linspace(0, 1, lash.between, endpoint=False)
         ]
         return np.concatenate([np.stack(steps, axis=1).reshape(-1, 3, 3), ways[-1:]])
 
     way = rows(figure.vertices_m)
     n = len(way)
-    wide = 0.00035 * np.array([[1.0, 0.0, 0.0]])
+    wide = lash.half_wide_m * np.array([[1.0, 0.0, 0.0]])
     vertices = np.stack(
         [way[:, 0] - wide, way[:, 0] + wide, way[:, 1] - 0.7 * wide, way[:, 1] + 0.7 * wide,
          way[:, 2]], axis=1,

@@ -1,5 +1,6 @@
 """Hair: a close shell over the scalp, sheets that are combed and fall, and tapering locks."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from scipy.spatial import cKDTree
 from character_making.combed import Combing, combed
 from character_making.cutting import clipped
 from character_making.figure import Figure
-from character_making.hair_texture import HALF_BEGUN, HALF_ENDED
+from character_making.hair_texture import BUNCHES, HALF_BEGUN, HALF_ENDED, SHEETS_DOWN
 from character_making.hairline import hairline_field
 from character_making.mantle import Fall, Head, Sheet, down_the_picture, mantle, sheet_piece
 from character_making.noise import noise
@@ -26,7 +27,7 @@ class Style:
 
     length_m: float = 0.0
     locks: int = 0
-    width_m: float = 0.007
+    width_m: float = 0.013
     lift_m: float = 0.003
     curl_m: float = 0.0
     receding: float = 0.0
@@ -38,23 +39,23 @@ class Style:
 
 
 STYLES = {
-    "long": Style(lift_m=0.006, fall=Fall(0.58, 0.012, 0.013, 0.16, 0.085, 0.0045, 21)),
-    "shoulder": Style(lift_m=0.0065, fall=Fall(0.47, -0.022, 0.014, 0.14, 0.07, 0.005, 19)),
-    "bob": Style(lift_m=0.007, fall=Fall(0.32, 0.020, 0.016, 0.22, 0.02, 0.003, 15)),
+    "long": Style(lift_m=0.006, fall=Fall(0.58, 0.012, 0.013, 0.16, 0.085, 0.0045, 23)),
+    "shoulder": Style(lift_m=0.0065, fall=Fall(0.47, -0.022, 0.014, 0.14, 0.07, 0.005, 22)),
+    "bob": Style(lift_m=0.007, fall=Fall(0.32, 0.020, 0.016, 0.22, 0.02, 0.003, 19)),
     "bun": Style(tie="bun", combing=Combing(0.012, 0.6, beyond_m=0.004, ragged_m=0.020, at_edge=0)),
     "ponytail": Style(
         tie="tail",
         framing=6,
-        combing=Combing(0.018, 0.6, beyond_m=0.004, ragged_m=0.020, at_edge=0),
+        combing=Combing(0.018, 0.6, beyond_m=0.004, ragged_m=0.020, loose=60, at_edge=0, rows=11),
     ),
-    "curly": Style(0.036, 760, 0.008, 0.042, 0.008, rows=7),
-    "afro": Style(0.010, 1100, 0.006, 0.013, 0.004, rows=4),
+    "curly": Style(0.040, 620, 0.026, 0.042, 0.003, rows=4),
+    "afro": Style(0.015, 900, 0.015, 0.013, 0.002, rows=3),
     "short": Style(
         receding=0.12,
         combing=Combing(0.016, 0.45, beyond_m=0.007, sweep_rad=0.25, ragged_m=0.026),
     ),
     "fringe": Style(
-        combing=Combing(0.015, 0.55, 0.007, fringe_m=0.023, sweep_rad=0.20, ragged_m=0.024)
+        combing=Combing(0.015, 0.55, 0.007, fringe_m=0.023, sweep_rad=0.20, ragged_m=0.018)
     ),
     "crop": Style(
         combing=Combing(0.018, 0.45, 0.007, fringe_m=0.012, sweep_rad=-0.25, ragged_m=0.024)
@@ -105,7 +106,7 @@ def shell(figure: Figure, body: Piece, colour: Vector, style: Style, seed: int) 
         if style.curl_m
         else (12, np.clip(inside / _ROOTS_M, 0, 0.5))
     )
-    uv = np.stack([around / (2 * np.pi) * turns, down], axis=-1)
+    uv = np.stack([around / (2 * np.pi) * turns, SHEETS_DOWN * down], axis=-1)
     part = np.full(len(piece.triangles), PART_INDEX["scalp"])
     return replace(piece, part=part, corner_uv=uv)
 
@@ -231,13 +232,13 @@ class Thinning:
     wider: float = 1.0
 
 
-THINNINGS = (Thinning(), Thinning(3, 2, 2.1), Thinning(9, 3, 4.2))
+THINNINGS = (Thinning(), Thinning(3, 2, 1.7), Thinning(9, 3, 2.6))
 
 
 @dataclass(frozen=True, eq=False)
 class Locks:
     """Lines (n, rows, 3) of hair with outward directions, colours (n, 3), tints and widths (n,).
-    They are as wide at their roots as the share `begins`.
+    They are as wide at their roots as the share `begins`, and lie upon sheets where they are loose.
     """
 
     line: Vector
@@ -247,6 +248,7 @@ class Locks:
     width_m: Vector
     start: Vector
     begins: float = 0.7
+    is_loose: bool = False
 
 
 def locks(
@@ -263,7 +265,7 @@ def locks(
     if style.fall is not None:
         sheets, line, out = mantle(figure, body, worn, colour, style.fall, seed, grey)
         loose = _coloured(line, out, style.width_m, colour, rng, grey)
-        return [*sheets, loose]
+        return [*sheets, replace(loose, is_loose=True)]
     groups: list[Locks | Sheet] = []
     if style.combing is not None:
         tie_m = None if style.tie == "none" else _tie_point(figure, style)
@@ -271,15 +273,15 @@ def locks(
             figure, body, colour, style.combing, style.receding, tie_m, seed, grey
         )
         # Of hair that is not grey all over, a lock that is would be a stripe.
-        loose = _coloured(line, out, 0.0045, colour, rng, grey if grey > 0.5 else 0.0)
-        groups += [*sheets, replace(loose, begins=0.2)]
+        loose = _coloured(line, out, 0.012, colour, rng, grey if grey > 0.5 else 0.0)
+        groups += [*sheets, replace(loose, begins=0.2, is_loose=True)]
     else:
         roots, normals = _roots(figure, body, style, rng)
         line, out = _grown(figure, style, roots, normals, rng)
         groups.append(_coloured(line, out, style.width_m, colour, rng, grey))
     if style.framing:
         line, out = _framing(figure, style, body, rng)
-        groups.append(replace(_coloured(line, out, 0.0030, colour, rng, grey), begins=0.2))
+        groups.append(replace(_coloured(line, out, 0.0035, colour, rng, grey), begins=0.2))
     if style.tie == "bun":
         groups.append(_bun(figure, style, colour, rng, grey))
     if style.tie == "tail":
@@ -300,7 +302,7 @@ def seen_of(groups: list[Locks | Sheet]) -> Vector:
             for guide, place in zip(line, at, strict=True):
                 fine = np.stack([np.interp(finer, whole, x) for x in guide.T], axis=1)
                 v = np.interp(finer, whole, place)
-                points.append(fine[(v > HALF_BEGUN) & (v < HALF_ENDED)])
+                points.append(fine[(v > HALF_BEGUN * SHEETS_DOWN) & (v < HALF_ENDED * SHEETS_DOWN)])
     return np.concatenate(points)
 
 
@@ -312,23 +314,36 @@ def _coloured(
     greyed = rng.random(n) < 0.5 * grey
     tones[greyed] = tones[greyed] * 0.75 + 0.25 * np.array([0.72, 0.71, 0.70])
     width = 0.5 * width_m * rng.uniform(0.75, 1.25, n)
-    return Locks(line, out, tones, rng.normal(1.0, 0.06, n), width, rng.random(n))
+    start = rng.integers(0, BUNCHES, n) / BUNCHES
+    return Locks(line, out, tones, rng.normal(1.0, 0.06, n), width, start)
 
 
-def drawn(figure: Figure, group: Locks | Sheet, level: int, first: int = 0) -> Piece:
-    """Return locks or guides of a sheet, from the `first` on, as drawn at a level of detail."""
-    if isinstance(group, Sheet):
-        shape = group.line.shape[:2]
-        weights = hair_weights(figure, group.line.reshape(-1, 3)).reshape(*shape, -1)
-        return sheet_piece(figure, group, weights, *((1, 1), (3, 2), (5, 3))[level], first)
-    thinning = THINNINGS[level]
-    return ribbons(figure, group, thinning, first)
+def drawn(
+    figure: Figure, groups: Sequence[Locks | Sheet], level: int, first: int = 0
+) -> list[Piece]:
+    """Return what of hair, sheets from within outwards, is drawn at a level of detail, by locks and
+    guides of sheets from the `first` on. From afar one sees the outer sheets alone.
+    """
+    sheets = [group for group in groups if isinstance(group, Sheet)][level:]
+    some = [g for g in groups if isinstance(g, Locks) and not (g.is_loose and level == _LIGHTEST)]
+    return [
+        *(_sheet_drawn(figure, sheet, level, first) for sheet in sheets),
+        *(ribbons(figure, group, THINNINGS[level], first) for group in some),
+    ]
+
+
+_LIGHTEST = 2
+
+
+def _sheet_drawn(figure: Figure, sheet: Sheet, level: int, first: int) -> Piece:
+    weights = hair_weights(figure, sheet.line.reshape(-1, 3)).reshape(*sheet.line.shape[:2], -1)
+    return sheet_piece(figure, sheet, weights, *((1, 1), (3, 2), (4, 2))[level], first)
 
 
 def ribbons(
     figure: Figure, group: Locks, thinning: Thinning = THINNINGS[0], first: int = 0
 ) -> Piece:
-    """Lay tapering ribbons along locks, rounded by their normals."""
+    """Lay cards with bunches of hairs along locks, rounded by their normals."""
     keep = slice(first, None, thinning.locks)
     all_rows = group.line.shape[1]
     at_rows = np.unique([*range(0, all_rows, thinning.rows), all_rows - 1])
@@ -337,7 +352,7 @@ def ribbons(
     across, facing = _frames(line, out)
     facing = np.where(np.sum(facing * out, axis=-1, keepdims=True) < 0, -facing, facing)
     share = at_rows / (all_rows - 1)
-    taper = np.interp(share, [0, 0.15, 0.7, 1], [group.begins, 1.0, 0.8, 0.12])
+    taper = np.interp(share, [0, 0.15, 0.7, 1], [0.5 * group.begins, 1.0, 0.9, 0.6])
     wide = thinning.wider * taper[None, :] * group.width_m[keep][:, None]
     edges = np.stack([line - wide[..., None] * across, line + wide[..., None] * across], axis=2)
     normals = unit(np.stack([facing - 0.55 * across, facing + 0.55 * across], axis=2))
@@ -346,11 +361,12 @@ def ribbons(
     triangles = np.concatenate(
         [np.stack([a, b, d], axis=-1).reshape(-1, 3), np.stack([a, d, c], axis=-1).reshape(-1, 3)]
     )
-    tint = group.tint[keep][:, None] * (0.88 + 0.16 * share)
+    tint = group.tint[keep][:, None] * (0.98 + 0.04 * share)
     tone = tint[:, :, None, None] * group.colour[keep][:, None, None, :] * np.ones((n, rows, 2, 1))
     start = group.start[keep][:, None, None]
-    u = start + np.broadcast_to(np.array([0.0, 0.16 * thinning.wider]), (n, rows, 2))
-    v = np.broadcast_to(0.02 + 0.96 * share[None, :, None], (n, rows, 2))
+    u = start + np.broadcast_to(np.array([0.0, 1.0 / BUNCHES]), (n, rows, 2))
+    v = SHEETS_DOWN + (1 - SHEETS_DOWN) * (0.02 + 0.96 * share[None, :, None])
+    v = np.broadcast_to(v, (n, rows, 2))
     uv = np.stack([u, v], axis=-1).reshape(-1, 2)
     vertices = edges.reshape(-1, 3)
     return Piece(
@@ -398,7 +414,7 @@ def _bun(
     )
     radius = 0.031 * rng.uniform(0.95, 1.05, n)
     line = centre + radius[:, None, None] * lean * np.array([1.1, 1.0, 0.8])
-    return _coloured(line, unit(lean), 0.017, colour * 0.95, rng, grey)
+    return _coloured(line, unit(lean), 0.026, colour * 0.95, rng, grey)
 
 
 def _tail(
@@ -422,6 +438,6 @@ def _tail(
     line = start + np.stack([x, y, z], axis=-1)
     out = unit(np.stack([turned, 0.15 + 0 * x, 0.35 + deep], axis=-1))
     return replace(
-        _coloured(line, out, 0.010, colour, rng, grey),
+        _coloured(line, out, 0.018, colour, rng, grey),
         tint=np.clip(rng.normal(0.97, 0.13, n), 0.7, 1.25),
     )

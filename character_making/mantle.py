@@ -6,16 +6,18 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from character_making.figure import Figure
+from character_making.hair_texture import SHEETS_DOWN
 from character_making.noise import noise
 from character_making.pieces import Piece, vertex_normals
 from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.characters.body_parts import PART_INDEX
 
-_FRONT = np.radians(119.0)
+_FRONT = np.radians(136.0)
 """How far round from the back of the head the sheets reach: to the temples."""
 _EQUATOR = np.radians(97.0)
 _GUIDES = 57
-_ROOTS_M, _TIPS_M = 0.012, 0.045
+_ROOTS_M, _TIPS_M = 0.012, 0.060
+_LOOSE, _LOOSE_ROWS = 96, 9
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class Sheet:
     colour: Vector
     roots_m: float = 0.0
     tips_m: float | Vector = 0.0
-    strands: float = 0.055
+    strands: float = 0.14
 
 
 class Head:
@@ -130,7 +132,8 @@ def _guides(head: Head, fall: Fall, lift_m: float, length_m: Vector) -> Vector:
     reach = np.linalg.norm(np.diff(whole, axis=1), axis=-1).cumsum(axis=1)
     reach = np.concatenate([np.zeros((_GUIDES, 1)), reach], axis=1)
     length_m = _to_one_level(whole[..., 1], reach, length_m)
-    at = np.linspace(0, 1, fall.rows)
+    # Over the head it bends the most.
+    at = np.linspace(0, 1, fall.rows) ** 1.25
     lines = np.empty((_GUIDES, fall.rows, 3))
     for g in range(_GUIDES):
         for k in range(3):
@@ -183,7 +186,7 @@ def mantle(
     rng = np.random.default_rng(seed + 2000)
     sheets = []
     guide = np.arange(_GUIDES)
-    for layer, (lift, reach) in enumerate(((0.35, 0.90), (0.8, 1.0), (1.2, 0.97))):
+    for layer, (lift, reach) in enumerate(((0.35, 0.90), (0.8, 0.97), (1.2, 1.0))):
         knots = rng.uniform(-1, 1, (3, _GUIDES))
         uneven = np.interp(guide, np.arange(0, _GUIDES, 3), knots[0, ::3])
         length = fall.length_m * head.scale * reach * (1 + 0.05 * uneven)
@@ -198,24 +201,46 @@ def mantle(
         lines = lines + depth[..., None] * out
         tone = 1 + 0.07 * clumps + 0.05 * knots[1] + 0.05 * (layer - 1)
         tones = np.tile(colour, (_GUIDES, 1))
-        greyed = rng.random(_GUIDES) < 0.6 * grey
-        tones[greyed] = 0.75 * tones[greyed] + 0.25 * np.array([0.80, 0.79, 0.78])
+        greyed = 0.15 * grey * (1 + rng.uniform(-1, 1, (_GUIDES, 1)))
+        tones = (1 - greyed) * tones + greyed * np.array([0.80, 0.79, 0.78])
         sheets.append(Sheet(lines, out, tones * tone[:, None], _ROOTS_M, _TIPS_M))
-    line, out = loose_upon(sheets[-1], 46, 0.001, 0.004, rng)
+    line, out = loose_upon(sheets[-1], _LOOSE, rng)
     return sheets, line, out
 
 
-def loose_upon(
-    sheet: Sheet, n: int, least_m: float, most_m: float, rng: np.random.Generator
-) -> tuple[Vector, Vector]:
-    """Return lines (n, rows, 3) and outward directions of locks that stand off a sheet."""
-    n_guides, rows, _ = sheet.line.shape
-    at = rng.uniform(0, n_guides - 1.001, n)
-    low, share = np.floor(at).astype(np.int64), (at % 1)[:, None, None]
-    line = (1 - share) * sheet.line[low] + share * sheet.line[low + 1]
-    out = unit((1 - share) * sheet.out[low] + share * sheet.out[low + 1])
-    stand = rng.uniform(least_m, most_m, (n, 1)) * np.linspace(0.4, 1.4, rows)
+def loose_upon(sheet: Sheet, n: int, rng: np.random.Generator) -> tuple[Vector, Vector]:
+    """Return lines (n, rows, 3) and outward directions of locks that lie upon a sheet, each on a
+    part of the way, a third of them along its two edges.
+    """
+    n_guides, n_edge = len(sheet.line), n // 3
+    aside = 0.7 + np.abs(rng.normal(0, 2.5, n_edge))
+    edge = np.where(rng.random(n_edge) < 0.5, aside, n_guides - 1 - aside)
+    guide = np.concatenate([rng.uniform(0, n_guides - 1, n - n_edge), edge])
+    begins, ends = rng.uniform(0.02, 0.45, (n, 1)), rng.uniform(0.80, 1.0, (n, 1))
+    along = np.linspace(0, 1, _LOOSE_ROWS)
+    down = begins + (ends - begins) * along
+    line, out = upon(sheet, guide[:, None] + rng.normal(0, 0.9, (n, 1)) * along**2, down)
+    stand = rng.uniform(0.0012, 0.0022, (n, 1)) * (0.6 + 0.4 * np.sin(np.pi * along))
     return line + stand[..., None] * out, out
+
+
+def upon(sheet: Sheet, guide: Vector, down: Vector) -> tuple[Vector, Vector]:
+    """Return places (n, rows, 3) and outward directions on a sheet: at guides (n, rows), as shares
+    `down` of the rows from root to tip.
+    """
+    n_guides, n_rows, _ = sheet.line.shape
+    guide = np.clip(guide, 0, n_guides - 1.001)
+    at = np.clip(down, 0, 1) * (n_rows - 1.001)
+    g, r = np.floor(guide).astype(np.int64), np.floor(at).astype(np.int64)
+    s, t = (guide - g)[..., None], (at - r)[..., None]
+
+    def mixed(values: Vector) -> Vector:
+        one = (1 - t) * values[g, r] + t * values[g, r + 1]
+        other = (1 - t) * values[g + 1, r] + t * values[g + 1, r + 1]
+        both: Vector = (1 - s) * one + s * other
+        return both
+
+    return mixed(sheet.line), unit(mixed(sheet.out))
 
 
 def outwards(head: Head, lines: Vector) -> Vector:
@@ -275,7 +300,7 @@ _BEGIN, _BEGUN, _ENDS, _ENDED = 0.02, 0.15, 0.62, 0.98
 
 
 def down_the_picture(sheet: Sheet) -> Vector:
-    """Return the place (g, rows) in the picture of hair, from roots to tips."""
+    """Return the place (g, rows) down the picture of hair, from roots to tips."""
     step = np.linalg.norm(np.diff(sheet.line, axis=1), axis=-1)
     reach_m = np.concatenate([np.zeros((len(step), 1)), step.cumsum(axis=1)], axis=1)
     whole_m = reach_m[:, -1:]
@@ -288,7 +313,7 @@ def down_the_picture(sheet: Sheet) -> Vector:
     places: Vector = (
         _BEGIN + (_BEGUN - _BEGIN) * rooted + middle * (1 - tipped) + (_ENDED - _BEGUN) * tipped
     )
-    return places
+    return SHEETS_DOWN * places
 
 
 def _softened(piece: Piece, line: Vector, out: Vector) -> Vector:

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 ROLES_OF_PAGES: Final = ("sound", "responses", HANDS)
 """Roles that a page fills itself; hands only in a headset."""
-FILM_VERSION: Final = "vp9 8"
+FILM_VERSION: Final = "vp9 9"
 """Version of drawing and encoding: a new value makes every film again."""
 FILM_QUALITY: Final[Mapping[str, Any]] = {
     "samples": 0,

@@ -255,7 +255,7 @@ class Renderer(Closing):
         if late is not None:
             cameras = late()
         for eye, (camera, target) in enumerate(zip(cameras, targets, strict=True)):
-            self.look_from(camera, picture.brightness_01, 0.35 if target.samples else 0.5)
+            self.look_from(camera, picture.brightness_01, 0.15 if target.samples else 0.5)
             if crowd is not None and target.samples:
                 ctx.enable_direct(GL_SAMPLE_ALPHA_TO_COVERAGE)
             backdrop = None if crowd is None else self._backdrop(picture, camera, target)

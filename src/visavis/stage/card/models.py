@@ -100,12 +100,14 @@ class ModelsOnCard:
 
     def _take(self, level: PersonVertices) -> None:
         layer = np.zeros(len(level.vertices), np.float32)
+        height_01 = np.ones(len(level.vertices), np.float32)
         is_layered = np.zeros(len(level.vertices), np.bool_)
         for run in level.runs:
             look = self.looks.of(run)
             if look is not None:
                 vertices = level.indices[run.first : run.first + run.count]
                 layer[vertices], is_layered[vertices] = self.looks.layer(run), True
+                height_01[vertices] = self.looks.height_01(run)
             key = (run.kind, run.double_sided, id(look))
             if key not in self._batch_of_key:
                 self._batch_of_key[key] = len(self.batches)
@@ -113,7 +115,7 @@ class ModelsOnCard:
             self._runs.append((self._batch_of_key[key], run.first, run.count))
         self._run_counts.append(len(level.runs))
         self._levels.append(level)
-        self._sources.append(_source_rows(level, layer, is_layered))
+        self._sources.append(_source_rows(level, layer, height_01, is_layered))
 
     def _make_table(self) -> ModelTable:
         corners = _spans([len(level.indices) for level in self._levels])
@@ -143,7 +145,10 @@ class ModelsOnCard:
 
 
 def _source_rows(
-    level: PersonVertices, layer: npt.NDArray[np.float32], is_layered: npt.NDArray[np.bool_]
+    level: PersonVertices,
+    layer: npt.NDArray[np.float32],
+    height_01: npt.NDArray[np.float32],
+    is_layered: npt.NDArray[np.bool_],
 ) -> npt.NDArray[np.uint32]:
     """Return texels (5 v, 4) as `glsl_people.SKIN_VERTEX` reads them."""
     vertices = level.vertices
@@ -154,6 +159,7 @@ def _source_rows(
     reals[:, 1, :3] = vertices["normal"][:, :3].astype(np.float32)
     out[:, 1, 3] = np.ascontiguousarray(vertices["surface"]).view("<u4")[:, 0]
     reals[:, 2, :3] = vertices["detail"]
+    reals[:, 2, 1] *= height_01
     reals[is_layered, 2, 2] = layer[is_layered]
     out[:, 2, 3] = np.ascontiguousarray(vertices["joints"]).view("<u4")[:, 0]
     reals[:, 3] = vertices["weights"].astype(np.float32)

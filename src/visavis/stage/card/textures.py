@@ -35,12 +35,14 @@ class Look:
 
 class Looks:
     """Pictures of runs with their maps, decoded from sRGB where they are colours. Those that come
-    together and have the same shapes share arrays, so that one call draws them.
+    together and have the same shapes share arrays, so that one call draws them. Pictures of hair do
+    so as well when their heights differ: lower ones stand in their layer several times.
     """
 
     def __init__(self, context: moderngl.Context, calls: GlCalls) -> None:
         self._context, self._calls = context, calls
         self._place: dict[tuple[int, ...], tuple[Look, int]] = {}
+        self._height_01: dict[tuple[int, ...], float] = {}
         self._runs: list[Run] = []
         self._textures: list[moderngl.TextureArray] = []
         self._normal = self._array([PLAIN_NORMAL], is_colour=False)
@@ -55,8 +57,10 @@ class Looks:
                 runs_of_shape.setdefault(_shapes(run), []).append(run)
         for together in runs_of_shape.values():
             look = self._look(together)
+            highest = max(_height(run) for run in together)
             for layer, run in enumerate(together):
                 self._place[_pictures(run)] = look, layer
+                self._height_01[_pictures(run)] = _height(run) / highest
                 self._runs.append(run)
 
     def of(self, run: Run) -> Look | None:
@@ -67,6 +71,10 @@ class Looks:
         """Return the layer of a run's pictures in their arrays."""
         return self._place[_pictures(run)][1]
 
+    def height_01(self, run: Run) -> float:
+        """Return the share of its layer's height that a run's picture has."""
+        return self._height_01[_pictures(run)]
+
     def release(self) -> None:
         """Free the card's memory."""
         for array in self._textures:
@@ -75,7 +83,9 @@ class Looks:
 
     def _look(self, together: list[Run]) -> Look:
         pictures = [run.texture for run in together if run.texture is not None]
-        picture = self._array(pictures, is_colour=True)
+        highest = max(len(picture) for picture in pictures)
+        whole = [np.tile(picture, (highest // len(picture), 1, 1)) for picture in pictures]
+        picture = self._array(whole, is_colour=True)
         if together[0].maps is None:
             return Look(picture)
 
@@ -126,8 +136,16 @@ def _pictures(run: Run) -> tuple[int, ...]:
     return tuple(map(id, (run.texture, maps.normal, maps.surface, maps.glow_srgb, maps.sheen_srgb)))
 
 
+def _height(run: Run) -> int:
+    return 1 if run.texture is None else len(run.texture)
+
+
 def _shapes(run: Run) -> tuple[object, ...]:
+    """Return what runs have in common whose pictures share arrays."""
     maps = run.maps
+    high = _height(run)
+    if run.kind == "hair" and maps is None and run.texture is not None and not high & (high - 1):
+        return ("hair", *run.texture.shape[1:])  # of heights that are powers of two
     pictures = [run.texture]
     if maps is not None:
         pictures += [maps.normal, maps.surface, maps.glow_srgb, maps.sheen_srgb]

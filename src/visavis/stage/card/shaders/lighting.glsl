@@ -165,7 +165,12 @@ vec3 shown_codes(vec3 codes) {
     return (min(codes, 0.735) + 0.265 * (1.0 - falling)) * tone.w;
 }
 
-#ifdef CUT_OUT
+#if defined(CUT_OUT) && defined(SHRUNK)
+// Of four pixels that become one, as many stay as the surface covers: soft edges.
+#define ODD(at) (int(at) & 1)
+#define RANK(at) (2 * (ODD((at).x) ^ ODD((at).y)) + ODD((at).y))
+#define CUT(alpha) if ((alpha) < 0.125 + 0.25 * float(RANK(gl_FragCoord.xy))) discard;
+#elif defined(CUT_OUT)
 #define CUT(alpha) if ((alpha) < tone.z) discard;
 #else
 #define CUT(alpha)

@@ -1,0 +1,105 @@
+"""Hair as it is drawn: in one piece, with soft edges."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy import ndimage
+
+from tests.stage.figures import camera, plain_room
+from tests.stage.test_irises_at_a_distance import standing
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import Quality
+from visavis.stage.stills import Stills
+from visavis.stimuli.characters.cast import cast_names, load_character
+from visavis.stimuli.characters.character import MORPHS, Character, Material
+from visavis.stimuli.characters.levels import keep_triangles
+from visavis.stimuli.picture import Camera, Picture, PosedPeople, Prop, Room, StaticMesh
+
+AWAY_M, HEAD_M, SIDE_PX = 1.0, 0.34, 640
+DIFFERS_CODES = 10
+MAX_APART_M = 0.006
+
+
+@pytest.fixture(scope="module")
+def stills() -> Iterator[Stills]:
+    try:
+        made = Stills(Quality(samples=0, shadows="none", fast=True, shrink_factor=2))
+    except StageError as problem:
+        pytest.skip(str(problem))
+    yield made
+    made.close()
+
+
+def _only(person: Character, material: str) -> Character:
+    """Return nothing of somebody but one material, in black."""
+    rank = [m.name for m in person.materials].index(material)
+    full = person.levels[0]
+    some = keep_triangles(full, full.triangle_material == rank)
+    some = replace(some, colour_srgb=np.zeros_like(some.colour_srgb))
+    return replace(person, levels=(some,) * len(person.levels))
+
+
+def _image(stills: Stills, person: Character, material: str) -> npt.NDArray[np.int64]:
+    picture, eyes_m = standing(person, AWAY_M, 0.0)
+    picture = replace(picture, cast=(_only(person, material),))
+    half = HEAD_M / 2 / AWAY_M
+    at = eyes_m.mean(axis=0) + np.array([0.0, 0.0, AWAY_M])
+    seen_by = Camera(Pose(at, quat_from_yaw_pitch_deg(0.0)), -half, half, -half, half)
+    return stills.image(picture, seen_by, (SIDE_PX, SIDE_PX)).astype(np.int64)
+
+
+def _longest_apart_m(stills: Stills, person: Character) -> float:
+    """Return how long the longest piece of hair is that is drawn apart from the largest."""
+    without, hair = (_image(stills, person, name) for name in ("shoe", "hair"))
+    drawn = np.abs(hair - without).max(axis=2) > DIFFERS_CODES
+    pieces, _ = ndimage.label(drawn, np.ones((3, 3)))
+    largest = np.bincount(pieces.ravel())[1:].argmax()
+    apart = [piece for k, piece in enumerate(ndimage.find_objects(pieces)) if k != largest]
+    sides = [max(part.stop - part.start for part in piece) for piece in apart]
+    return max(sides, default=0) * HEAD_M / SIDE_PX
+
+
+@pytest.mark.parametrize("name", cast_names())
+def test_no_lines_of_hair_stand_apart_from_it(stills: Stills, name: str) -> None:
+    """Of two people lines of 10 and 15 mm did."""
+    assert MAX_APART_M > _longest_apart_m(stills, load_character(name))
+
+
+def test_cut_outs_of_pictures_made_smaller_are_covered_by_as_much_as_they_hide(
+    stills: Stills,
+) -> None:
+    """They were all there or not at all: hair ended in teeth."""
+
+    def sheet(alpha: int) -> int:
+        picture = np.full((4, 4, 4), 255, np.uint8)
+        picture[..., 3] = alpha
+        square = np.array([[-1, 0, -2], [1, 0, -2], [1, 3, -2], [-1, 3, -2]], np.float32)
+        mesh = StaticMesh(
+            square,
+            np.tile(np.float32([0, 0, 1]), (4, 1)),
+            np.full((4, 3), 255, np.uint8),
+            np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+            np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32),
+        )
+        paper = Material("paper", "other", 0.9, picture)
+        light = plain_room()
+        room = Room(
+            "one sheet", (Prop("sheet", mesh, paper),), (), light.sky, light.ground, (0, 0, 0)
+        )
+        nobody = PosedPeople(np.zeros((0, 3)), np.zeros((0, 55, 4)), np.zeros((0, len(MORPHS))))
+        drawn = stills.image(Picture(0, room, (), nobody), camera(half_deg=5.0), (32, 24))
+        assert drawn.std() < 1
+        return int(drawn[12, 16, 1])
+
+    def light_of(code: int) -> float:
+        share = code / 255
+        return float(((share + 0.055) / 1.055) ** 2.4)
+
+    whole = light_of(sheet(255))
+    assert whole > 0.1
+    for alpha, share in ((0, 0.0), (64, 0.25), (128, 0.5), (192, 0.75)):
+        assert share == pytest.approx(light_of(sheet(alpha)) / whole, abs=0.03)
