@@ -61,8 +61,8 @@ def streaks(rng: np.random.Generator) -> Pixels:
     thin = np.minimum((down - begins[:, None]) / 0.09, (ends[:, None] - down) / 0.24)
     tone = 0.83 + 0.05 * rng.uniform(-1, 1, _TUFTS)[mine] + rng.normal(0, 0.085, n)
     hairs = _Hairs(across, down, rng.uniform(2.0, 3.4, n), np.clip(thin, 0, 1), tone)
-    upper = _drawn(hairs, rng, _WHOLE)
-    return _joined(upper, [_bunch(rng) for _ in range(BUNCHES)])
+    upper = _draw(hairs, rng, _WHOLE)
+    return _join(upper, [_bunch(rng) for _ in range(BUNCHES)])
 
 
 def coils(rng: np.random.Generator) -> Pixels:
@@ -86,7 +86,7 @@ def coils(rng: np.random.Generator) -> Pixels:
             draw.arc(box, start[i], start[i] + 230, fill=(int(tone[i]), 255), width=2)
     grey = np.asarray(picture)
     upper = np.concatenate([np.repeat(grey[..., :1], 3, axis=2), grey[..., 1:]], axis=2)
-    return _joined(upper, [_curls(rng) for _ in range(BUNCHES)])
+    return _join(upper, [_curls(rng) for _ in range(BUNCHES)])
 
 
 def _bunch(rng: np.random.Generator) -> _Hairs:
@@ -125,12 +125,12 @@ def _curls(rng: np.random.Generator) -> _Hairs:
     return _Hairs(across, wound, rng.uniform(2.4, 3.8, n), np.clip(thin, 0, 1), tone)
 
 
-def _joined(upper: Pixels, bunches: list[_Hairs]) -> Pixels:
-    cells = [_drawn(hairs, None, None, _SIDE_PX // BUNCHES) for hairs in bunches]
+def _join(upper: Pixels, bunches: list[_Hairs]) -> Pixels:
+    cells = [_draw(hairs, None, None, _SIDE_PX // BUNCHES) for hairs in bunches]
     return np.concatenate([upper, np.concatenate(cells, axis=1)], axis=0)
 
 
-def _drawn(
+def _draw(
     hairs: _Hairs,
     rng: np.random.Generator | None,
     whole: tuple[float, float] | None,

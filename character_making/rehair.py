@@ -56,7 +56,7 @@ def with_hair(source: MakeHuman, person: Character, recipe: Recipe, seed: int) -
     return replace(person, levels=(level,), measuring=(), closed=None, materials=materials)
 
 
-def rehaired(path: Path, person: Character) -> Arrays:
+def with_new_hair(path: Path, person: Character) -> Arrays:
     """Return the arrays of the file at `path`, which is used in between, with a person's hair and
     lashes in the full level.
     """
@@ -74,23 +74,23 @@ def rehaired(path: Path, person: Character) -> Arrays:
         number = sum(name.startswith("picture") for name in arrays)
         head["materials"][hair] = {**head["materials"][hair], "name": FORMER}
         head["materials"].append({**look, "pictures": {"colour": number}})
-    mine = len(head["materials"]) - 1
-    kept = _of_triangles(arrays, ~np.isin(arrays[f"{_LEVEL}material"], (hair, lash)))
+    number_of_hair = len(head["materials"]) - 1
+    rest = _of_triangles(arrays, ~np.isin(arrays[f"{_LEVEL}material"], (hair, lash)))
     fresh[f"{_LEVEL}material"] = np.where(
-        fresh[f"{_LEVEL}material"] == hair, mine, fresh[f"{_LEVEL}material"]
+        fresh[f"{_LEVEL}material"] == hair, number_of_hair, fresh[f"{_LEVEL}material"]
     ).astype(np.uint8)
     return {
         **arrays,
-        **_joined(kept, fresh),
+        **_join(rest, fresh),
         "head": np.frombuffer(json.dumps(head).encode(), dtype=np.uint8),
         f"picture{number}": picture,
     }
 
 
-def _of_triangles(arrays: Mapping[str, npt.NDArray[Any]], is_kept: npt.NDArray[np.bool_]) -> Arrays:
+def _of_triangles(arrays: Mapping[str, npt.NDArray[Any]], stays: npt.NDArray[np.bool_]) -> Arrays:
     """Return the arrays of the full level with some triangles and their vertices alone."""
     level = {name: a for name, a in arrays.items() if name.startswith(_LEVEL)}
-    vertices, corners = np.unique(level[f"{_LEVEL}triangles"][is_kept], return_inverse=True)
+    vertices, corners = np.unique(level[f"{_LEVEL}triangles"][stays], return_inverse=True)
     place = np.full(len(level[f"{_LEVEL}vertices"]), -1)
     place[vertices] = np.arange(len(vertices))
     some: Arrays = {f"{_LEVEL}triangles": corners.reshape(-1, 3)}
@@ -99,13 +99,13 @@ def _of_triangles(arrays: Mapping[str, npt.NDArray[Any]], is_kept: npt.NDArray[n
             at = place[level[f"{name[:-1]}v"]]
             some[name] = (at if name.endswith("_v") else values)[at >= 0]
         elif name in (f"{_LEVEL}part", f"{_LEVEL}material"):
-            some[name] = values[is_kept]
+            some[name] = values[stays]
         elif name != f"{_LEVEL}triangles":
             some[name] = values[vertices]
     return some
 
 
-def _joined(first: Arrays, second: Arrays) -> Arrays:
+def _join(first: Arrays, second: Arrays) -> Arrays:
     """Return two meshes' arrays as one mesh's."""
     start = len(first[f"{_LEVEL}vertices"])
     whole: Arrays = {}
@@ -133,7 +133,7 @@ def main(arguments: Sequence[str]) -> int:
     source = MakeHuman(Path(arguments[0]))
     for k in numbers:
         path = Path(arguments[1]) / f"{CAST[k].name}.npz"
-        arrays = rehaired(path, with_hair(source, read_character(path), CAST[k], k))
+        arrays = with_new_hair(path, with_hair(source, read_character(path), CAST[k], k))
         np.savez_compressed(path, allow_pickle=False, **arrays)
         count = len(arrays[f"{_LEVEL}triangles"])
         sys.stdout.write(f"{path} {path.stat().st_size / 1024:.0f} KiB, {count} triangles\n")

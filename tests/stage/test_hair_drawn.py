@@ -103,3 +103,29 @@ def test_cut_outs_of_pictures_made_smaller_are_covered_by_as_much_as_they_hide(
     assert whole > 0.1
     for alpha, share in ((0, 0.0), (64, 0.25), (128, 0.5), (192, 0.75)):
         assert share == pytest.approx(light_of(sheet(alpha)) / whole, abs=0.03)
+
+
+def test_hair_looks_the_same_whoever_else_shares_its_array() -> None:
+    """Pictures of hair have two heights, and stand in one array."""
+    anna, jun = map(load_character, ("anna", "jun"))
+    alone, eyes_m = standing(anna, AWAY_M, 0.0)
+    people = alone.people
+    both = PosedPeople(
+        np.concatenate([people.root_m, people.root_m + np.array([40.0, 0.0, 0.0])]),
+        np.concatenate([people.orientation_wxyz] * 2),
+        np.concatenate([people.morphs_01] * 2),
+    )
+    half = HEAD_M / 2 / AWAY_M
+    at = eyes_m.mean(axis=0) + np.array([0.0, 0.0, AWAY_M])
+    seen_by = Camera(Pose(at, quat_from_yaw_pitch_deg(0.0)), -half, half, -half, half)
+    size_px = (SIDE_PX // 2, SIDE_PX // 2)
+    images = []
+    for picture in (alone, replace(alone, cast=(anna, jun), people=both)):
+        try:
+            card = Stills(Quality(samples=0, shadows="none", fast=False))
+        except StageError as problem:
+            pytest.skip(str(problem))
+        images.append(card.image(picture, seen_by, size_px).astype(np.int64))
+        card.close()
+    assert 20 < images[0].std()
+    assert 1 >= np.abs(images[0] - images[1]).max()

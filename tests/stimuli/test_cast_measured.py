@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from character_making.rehair import Arrays, rehaired
+from character_making.rehair import Arrays, with_new_hair
 from visavis.lab.plain_files import parse_json, read_arrays
 from visavis.stimuli.characters.cast import DATA
 from visavis.stimuli.characters.levels import keep_triangles
@@ -35,7 +35,7 @@ def _digest(arrays: Arrays) -> str:
     names = [material["name"] for material in materials]
     hair = [names.index(name) for name in ("hair", "lash")]
     digest = hashlib.sha256()
-    is_kept = ~np.isin(arrays["level0_material"], hair)
+    stays = ~np.isin(arrays["level0_material"], hair)
     if "former hair" in names:
         picture = f"picture{materials[names.index('hair')]['pictures']['colour']}"
         arrays = {name: array for name, array in arrays.items() if name != picture}
@@ -43,9 +43,9 @@ def _digest(arrays: Arrays) -> str:
         if name.startswith("level0_"):
             field = name.removeprefix("level0_")
             if field in ("part", "material"):
-                digest.update(array[is_kept].tobytes())
+                digest.update(array[stays].tobytes())
             elif field != "triangles" and not field.startswith("morph"):
-                digest.update(array[arrays["level0_triangles"][is_kept]].tobytes())
+                digest.update(array[arrays["level0_triangles"][stays]].tobytes())
         elif name != "head":
             digest.update(f"{name} {array.dtype} {array.shape}".encode())
             digest.update(array.tobytes())
@@ -68,7 +68,7 @@ def test_hair_made_anew_takes_the_place_of_the_former_and_of_nothing_else(tmp_pa
     is_hair = full.triangle_material == names.index("hair")
     locks = keep_triangles(full, is_hair & (np.cumsum(is_hair) <= 500))
 
-    arrays = rehaired(path, replace(person, levels=(locks,), measuring=(), closed=None))
+    arrays = with_new_hair(path, replace(person, levels=(locks,), measuring=(), closed=None))
 
     assert DIGESTS["luca"] == _digest(arrays)
     materials = arrays["level0_material"]
