@@ -25,7 +25,7 @@ from character_making.eyes import eyeballs, lashes, mouth_pieces
 from character_making.fabrics import fabric
 from character_making.feet_seen import feet_hold
 from character_making.figure import Figure, figure_of
-from character_making.hair import STYLES, Locks, drawn, locks, seen_of, shell
+from character_making.hair import STYLES, Locks, locks, pieces_of, seen_of, shell
 from character_making.hair_texture import coils, streaks
 from character_making.hems import with_hems
 from character_making.lids import with_neutral_lids
@@ -330,7 +330,7 @@ def levels_of(
     scalp = assembled(figure, [p for p in from_afar if p.material == "hair"], materials)
 
     def hair_at(coarse: int, first: int = 0) -> SkinnedMesh:
-        locks = assembled(figure, drawn(figure, hair, coarse, first), materials)
+        locks = assembled(figure, pieces_of(figure, hair, coarse, first), materials)
         # With the body a scalp would lose its roundness, and hair would stand off it.
         return join_skinned_meshes([thin_mesh(scalp, _SCALP[coarse]), locks]) if coarse else locks
 
@@ -457,7 +457,7 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         Material("under", "cloth", 0.9, double_sided=True),
         Material("shoe", "leather", 0.5, double_sided=True),
     )
-    locks_near = drawn(figure, hair, 0)
+    locks_near = pieces_of(figure, hair, 0)
     near, far = (shaded([*own, *clothes], locks_near) for clothes in (worn, worn_far))
     blank = Character(
         name=recipe.name,

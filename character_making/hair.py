@@ -318,7 +318,7 @@ def _coloured(
     return Locks(line, out, tones, rng.normal(1.0, 0.06, n), width, start)
 
 
-def drawn(
+def pieces_of(
     figure: Figure, groups: Sequence[Locks | Sheet], level: int, first: int = 0
 ) -> list[Piece]:
     """Return what of hair, sheets from within outwards, is drawn at a level of detail, by locks and
@@ -327,7 +327,7 @@ def drawn(
     sheets = [group for group in groups if isinstance(group, Sheet)][level:]
     some = [g for g in groups if isinstance(g, Locks) and not (g.is_loose and level == _LIGHTEST)]
     return [
-        *(_sheet_drawn(figure, sheet, level, first) for sheet in sheets),
+        *(_sheet_piece(figure, sheet, level, first) for sheet in sheets),
         *(ribbons(figure, group, THINNINGS[level], first) for group in some),
     ]
 
@@ -335,7 +335,7 @@ def drawn(
 _LIGHTEST = 2
 
 
-def _sheet_drawn(figure: Figure, sheet: Sheet, level: int, first: int) -> Piece:
+def _sheet_piece(figure: Figure, sheet: Sheet, level: int, first: int) -> Piece:
     weights = hair_weights(figure, sheet.line.reshape(-1, 3)).reshape(*sheet.line.shape[:2], -1)
     return sheet_piece(figure, sheet, weights, *((1, 1), (3, 2), (4, 2))[level], first)
 

@@ -201,8 +201,8 @@ def mantle(
         lines = lines + depth[..., None] * out
         tone = 1 + 0.07 * clumps + 0.05 * knots[1] + 0.05 * (layer - 1)
         tones = np.tile(colour, (_GUIDES, 1))
-        greyed = 0.15 * grey * (1 + rng.uniform(-1, 1, (_GUIDES, 1)))
-        tones = (1 - greyed) * tones + greyed * np.array([0.80, 0.79, 0.78])
+        grey_of_guide = 0.15 * grey * (1 + rng.uniform(-1, 1, (_GUIDES, 1)))
+        tones = (1 - grey_of_guide) * tones + grey_of_guide * np.array([0.80, 0.79, 0.78])
         sheets.append(Sheet(lines, out, tones * tone[:, None], _ROOTS_M, _TIPS_M))
     line, out = loose_upon(sheets[-1], _LOOSE, rng)
     return sheets, line, out

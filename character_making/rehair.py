@@ -19,7 +19,7 @@ from character_making.assembly import assembled
 from character_making.build import body_piece, face_morphs, hair_colour_of, rgb, with_closed_lips
 from character_making.eyes import lashes
 from character_making.figure import figure_of
-from character_making.hair import STYLES, drawn, locks, shell
+from character_making.hair import STYLES, locks, pieces_of, shell
 from character_making.hair_texture import streaks
 from character_making.lids import with_neutral_lids
 from character_making.makehuman import MakeHuman
@@ -46,7 +46,7 @@ def with_hair(source: MakeHuman, person: Character, recipe: Recipe, seed: int) -
     pieces = [
         *lashes(figure, rgb(face.brow) * 0.4, base_colour(face), morphs),
         shell(figure, body, colour, style, seed),
-        *drawn(figure, locks(figure, body, [], colour, style, seed, face.grey), 0),
+        *pieces_of(figure, locks(figure, body, [], colour, style, seed, face.grey), 0),
     ]
     materials = tuple(
         replace(m, texture_srgb=streaks(np.random.default_rng(seed))) if m.name == "hair" else m
@@ -123,8 +123,8 @@ def _join(first: Arrays, second: Arrays) -> Arrays:
 def main(arguments: Sequence[str]) -> int:
     """Write the files of some people again."""
     numbers = [k for k, recipe in enumerate(CAST) if recipe.name in arguments[2:]]
-    combed = [k for k in numbers if STYLES[CAST[k].hair].combing is not None]
-    if len(arguments) < 3 or len(combed) != len(arguments) - 2:
+    with_style = [k for k in numbers if STYLES[CAST[k].hair].combing is not None]
+    if len(arguments) < 3 or len(with_style) != len(arguments) - 2:
         sys.stderr.write(
             "usage: python -m character_making.rehair WHEEL DATA NAMES\n"
             "NAMES are of people with combed hair\n"

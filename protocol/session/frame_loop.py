@@ -309,8 +309,8 @@ class FrameLoop:
         headset, stage, view = self._ahead, self._geometry, self._view
         if headset is None or stage is None or view is None or not self._rig.gaze_waits_until_ns():
             return
-        logged = self._scenes.view
-        if logged is None or logged.scene is not view.scene:
+        last_view = self._scenes.view
+        if last_view is None or last_view.scene is not view.scene:
             return
         until_ns = min(until_ns, self._rig.display_waits_until_ns())
         until_ns = min(until_ns, self._rig.others_idle_until_ns())
@@ -332,7 +332,7 @@ class FrameLoop:
         if not n:
             return
         before = self._frame
-        if view is not logged:
+        if view is not last_view:
             self._scenes.add(view, self.t_ns)
         n = self._wait_together(headset, ahead, n, watch)
         last = self._frame
