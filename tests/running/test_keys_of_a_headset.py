@@ -54,3 +54,17 @@ def test_keys_that_a_configuration_names_or_cannot_tell_are_taken(tmp_path: Path
     devices = {**config.devices, "responses": controllers}
     with pytest.raises(ConfigError, match=NOT_THERE):
         devices_for(config.model_copy(update={"devices": devices}), letters)
+
+
+def test_a_key_that_the_configuration_calls_otherwise_is_refused_with_its_name_there(
+    tmp_path: Path,
+) -> None:
+    lab = load_config(SCREEN_EXAMPLE)  # keys: {space: trigger, enter: select}
+    space = find_study(str(written(tmp_path, '["space"]'))).experiment({})
+    with pytest.raises(ConfigError, match=r"the key 'space', which keys .* calls 'trigger', so"):
+        devices_for(lab, space)
+    trigger = find_study(str(written(tmp_path, '["trigger"]'))).experiment({})
+    assert "responses" in devices_for(lab, trigger).devices
+    as_it_is = lab.devices["responses"].model_copy(update={"options": {"keys": {}}})
+    own = lab.model_copy(update={"devices": {**lab.devices, "responses": as_it_is}})
+    assert "responses" in devices_for(own, space).devices

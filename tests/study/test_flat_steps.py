@@ -15,6 +15,7 @@ from visavis.stimuli.gaze_window import WindowPlace
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
+from visavis.study.asking import Answer
 from visavis.study.dry_run import still_view
 from visavis.study.race import Race
 from visavis.study.responses import FreeText, Keys
@@ -85,6 +86,16 @@ def test_the_answer_comes_back_to_the_trial_and_is_right_or_wrong(trials):
     assert (trials["said"] == trials["answer"]).all()
     assert (trials["answer"] == trials["ink"].str[0]).all()
     assert trials["answer_is_right"].all()
+
+
+def test_without_a_press_there_is_no_time_of_one(study):
+    trial = Trial("T01", 1, 1, False, {"ink": "red"}, 1)
+    script = TrialScript(trial, study.experiment({}).settings)
+    keys, view = Keys("r", "g", right="r"), still_view(0)
+    answer = script.take(keys, Answer(None, "nothing in time", 0, 2_000_000_000, view))
+    columns = ("answer", "answer_by", "answer_ms", "answer_is_right")
+    assert [None, "nothing in time", None, None] == [script.row[name] for name in columns]
+    assert answer.is_right is None
 
 
 def test_a_condition_ends_what_is_shown_in_its_frame(trials):

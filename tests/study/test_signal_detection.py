@@ -152,5 +152,5 @@ def test_no_comparison_parts_the_two_kinds_of_trials_that_sensitivity_needs(
     text = STUDY.replace('within="mouth", expects="smile > rest"', compare)
     assert compare in text
     (tmp_path / "memory.py").write_text(text, "utf-8")
-    with pytest.raises(DesignError, match="memory.py, line 9: .*'face' tells one from the other"):
+    with pytest.raises(DesignError, match=r"memory.py, line 9: .*'face' tells one from the other"):
         find_study(str(tmp_path / "memory.py")).experiment({})

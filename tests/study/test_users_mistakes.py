@@ -157,6 +157,14 @@ def test_a_value_of_another_kind_is_refused_with_what_its_argument_takes(
         find_study(str(path)).experiment({})
 
 
+def test_what_a_comparison_expects_is_a_text(tmp_path: Path) -> None:
+    compare = 'compare=[Compare("nice", within="motion", expects={"motion": "a > b"})]'
+    path = written(tmp_path, "uses=[]", f"uses=[], {compare}")
+    path.write_text("from visavis import Compare\n" + path.read_text("utf-8"), "utf-8")
+    with pytest.raises(DesignError, match=r"Compare: expects is {'motion': .*; it takes a text"):
+        find_study(str(path))
+
+
 @pytest.mark.parametrize(
     ("call", "names"),
     [

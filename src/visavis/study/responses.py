@@ -57,7 +57,8 @@ class _Response:
             Column(
                 f"{self.name}_ms",
                 "ms",
-                "from the first frame of the question, or of its film, to the answer",
+                "from the first frame of the question, or of its film, to the answer; missing "
+                "without one",
             ),
             *self._further,
         )

@@ -57,7 +57,7 @@ def explain(error: BaseException) -> str:
         )
         return unknown_argument(str(callee), match["given"], arguments)
     own = isinstance(error, LabError)
-    kinds = _other_kinds(error) if isinstance(error, TypeError) else []
+    kinds = _other_kinds(error) if isinstance(error, TypeError | AttributeError) else []
     if kinds:
         return "; ".join(kinds)
     if not own and isinstance(error, AttributeError) and _is_of_kit(error.obj):
@@ -69,7 +69,7 @@ def explain(error: BaseException) -> str:
     return str(error) if own else f"{type(error).__name__}: {error}{moved}"
 
 
-def _other_kinds(error: TypeError) -> list[str]:
+def _other_kinds(error: TypeError | AttributeError) -> list[str]:
     """Return what is wrong with the arguments of the kit's function that a user's file called."""
     trace, user = error.__traceback__, _users_frame(error)[0]
     while trace is not None and trace.tb_frame is not user:

@@ -608,7 +608,8 @@ class TrialScript(HeardTrial):
         """Put an answer's columns into the row; return the answer, which then knows its value."""
         name, option = response.name, answer.option
         value = None if option is None else response.value(option)
-        self.row |= {name: value, f"{name}_by": answer.by, f"{name}_ms": answer.ms}
+        took_ms = None if option is None else answer.ms
+        self.row |= {name: value, f"{name}_by": answer.by, f"{name}_ms": took_ms}
         more = response.more(option)
         self.row |= more
         self.row["t_end_ns"] = answer.answered_ns

@@ -1,6 +1,6 @@
 """Put a session's devices together from the lab's configuration."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -150,16 +150,25 @@ def devices_for(
 
 
 def _check_keys(config: LabConfig, device: DeviceConfig, experiment: Experiment) -> None:
-    """Refuse keys that are none of the controls that a configuration tells.
+    """Refuse keys that are none of the controls that a configuration tells, or that it calls
+    otherwise.
 
     Raises:
         ConfigError: naming the first.
     """
     if not isinstance(experiment, StudyExperiment):
         return
-    controls = tuple(getattr(checked_device(device)[0], "controls", None) or ())
+    options = checked_device(device)[0]
+    controls = tuple(getattr(options, "controls", None) or ())
+    names: Mapping[str, str] = getattr(options, "keys", {})
     keys = [r for r in experiment.responses.values() if isinstance(r, Keys)]
     for key in (str(option) for response in keys for option in response.options):
+        if names.get(key, key) != key and key not in names.values():
+            raise ConfigError(
+                f"{config.path}: {experiment.name} asks for the key {key!r}, which keys of "
+                f"devices.responses calls {names[key]!r}, so that no press would be {key!r}; ask "
+                f"for {names[key]!r}, or give devices.responses keys without {key!r}"
+            )
         if controls and key not in controls:
             raise ConfigError(
                 f"{config.path}: {experiment.name} asks for the key {key!r}, which is not one of "
