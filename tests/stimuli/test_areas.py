@@ -55,11 +55,6 @@ def test_points_are_in_an_ellipse_where_shapely_says():
     assert area.size_px2() == pytest.approx(oval.area, rel=1e-5)
 
 
-def test_an_area_that_turns_over_between_key_frames_has_a_middle_even_while_it_is_flat():
-    flat = Area("door", ((100.0, 100.0), (100.0, 100.0), (100.0, 200.0), (100.0, 200.0)))
-    assert (100.0, 150.0) == flat.middle()
-
-
 def test_distances_size_and_middle_are_those_of_shapely():
     rng = np.random.default_rng(2)
     outline = star(rng, 12)

@@ -181,6 +181,8 @@ def test_the_areas_of_the_documentation_are_read(tmp_path: Path) -> None:
 
 
 SQUARE = "rectangle: [0, 0, 9, 9]"
+CORNERS = [[0, 0], [9, 0], [9, 9], [0, 9]]
+ON_THE_WAY = "area ball turns inside out or crosses itself on the way from 1 to 2 s; give the same"
 
 
 @pytest.mark.parametrize(
@@ -203,6 +205,14 @@ SQUARE = "rectangle: [0, 0, 9, 9]"
             f"[{{t_s: 1, {SQUARE}}}, {{t_s: 2, rectangle: [300, 0, 40, 9]}}]",
             "at 2 s: area ball reaches to (340, 0), outside its picture",
         ),
+        *(  # mirrored, begun at the opposite corner, and at the next one the other way round
+            (f"[{{t_s: 1, {SQUARE}}}, {{t_s: 2, polygon: {other}}}]", ON_THE_WAY)
+            for other in (
+                [[x + 50, 9 - y] for x, y in CORNERS],
+                CORNERS[2:] + CORNERS[:2],
+                [[20, 20], [20, 30], [30, 30], [30, 20]],
+            )
+        ),
         (f"[{{t_s: 1, {SQUARE}}}, {{t_s: 2, frame: 3, {SQUARE}}}]", "its t_s or its frame"),
         (f"[{{{SQUARE}}}, {{t_s: 2, {SQUARE}}}]", "its t_s or its frame"),
         (f"[{{t_s: 1, {SQUARE}}}, {{t_s: soon, {SQUARE}}}]", "t_s is 'soon'; a number"),
@@ -218,6 +228,15 @@ def test_what_is_wrong_with_keys_is_told_by_file_area_and_time(
     with pytest.raises(DesignError, match=r"areas\.yaml, line 1.*: .*area.* ball") as problem:
         read(film, f"ball: {{keys: {text}}}")
     assert says in str(problem.value)
+
+
+def test_an_outline_may_turn_and_change_its_size_between_keys(film: Path) -> None:
+    turned = [[30, 20], [40, 30], [30, 40], [20, 30]]  # by an eighth of a turn
+    gone = "{t_s: 1.5, gone: true}"
+    mirrored = "{t_s: 2, polygon: [[0, 9], [9, 9], [9, 0], [0, 0]]}, {t_s: 3, gone: true}"
+    keys = f"{{t_s: 0, {SQUARE}}}, {{t_s: 1, polygon: {turned}}}, {gone}, {mirrored}"
+    (ball,) = read(film, f"ball: {{keys: [{keys}]}}")
+    assert (0.0, 9.0) == ball.at(2.5).outline[0]
 
 
 def test_keys_of_a_table_are_told_by_their_line(film: Path) -> None:

@@ -23,7 +23,7 @@ from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.foreign_text import require_csv
 from visavis.lab.plain_files import read_plain
 from visavis.lab.yaml_lines import did_you_mean, names_or_none, read_document
-from visavis.stimuli.areas import Area, KeyFrame, Outline, pack_runs
+from visavis.stimuli.areas import Area, KeyFrame, Outline, pack_runs, signed_size_px2
 from visavis.stimuli.film_file import FilmFacts
 from visavis.stimuli.flat import COLOURS, rgb_of
 from visavis.stimuli.flat_pixels import read_picture
@@ -40,6 +40,8 @@ OPAQUE: Final = 128
 MAX_CORNERS: Final = 20_000
 """Of all areas of a file; every edge is compared with every other of its area."""
 COLOURS_NAMED: Final = 8
+ON_THE_WAY: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Shares of the way between two key frames at which an outline is looked at."""
 
 
 def read_areas(
@@ -99,6 +101,7 @@ def _read(
         for key in (key for key in area.keys if not key.is_gone):
             still = Area(area.name, key.outline, key.ellipse, salience=area.salience)
             _check(f"{where}, at {key.t_s:g} s", still, size_px, is_around)
+        _check_ways(where, area)
         if not area.keys:
             _check(where, area, size_px, is_around)
         if area.name in first_at:
@@ -189,6 +192,26 @@ def _check_keys(where: str, area: Area) -> None:
             f"{where}: area {area.name} takes two key frames at least: where it is, and where it "
             "is last, or that it is gone"
         )
+
+
+def _check_ways(where: str, area: Area) -> None:
+    """Refuse key frames whose corners are not in the same order."""
+    for one, later in pairwise(area.keys):
+        if one.outline and later.outline and _turns_over(one.outline, later.outline):
+            raise DesignError(
+                f"{where}: area {area.name} turns inside out or crosses itself on the way from "
+                f"{one.t_s:g} to {later.t_s:g} s; give the same corners in the same order each "
+                "time, or key frames between"
+            )
+
+
+def _turns_over(outline: Outline, later: Outline) -> bool:
+    """Tell whether an outline is flat or crosses itself on the way to a later one."""
+    begin, end = np.array(outline), np.array(later)
+    ways = [begin + share * (end - begin) for share in ON_THE_WAY]
+    areas_px2 = [signed_size_px2(corners) for corners in ways]
+    is_flat = min(areas_px2) <= 0 <= max(areas_px2)
+    return is_flat or any(_crossing(corners) is not None for corners in ways[1:-1])
 
 
 def _time_s(where: str, name: str, of: Mapping[str, Any], film: FilmFacts | None) -> float:

@@ -149,8 +149,6 @@ class Area:
             return float(x / count.sum()), float(y / count.sum())
         (x0, y0), (x1, y1) = _edges(np.array(self.outline))
         cross = x0 * y1 - x1 * y0
-        if cross.sum() == 0:  # between key frames whose corners run the other way round
-            return float(x0.mean()), float(y0.mean())
         x, y = ((x0 + x1) * cross).sum(), ((y0 + y1) * cross).sum()
         return float(x / (3 * cross.sum())), float(y / (3 * cross.sum()))
 
@@ -161,8 +159,7 @@ class Area:
         if self.pixels:
             runs = unpack_runs(self.pixels)
             return float((runs[:, 2] - runs[:, 1]).sum())
-        (x0, y0), (x1, y1) = _edges(np.array(self.outline))
-        return float(abs((x0 * y1 - x1 * y0).sum()) / 2)
+        return abs(signed_size_px2(np.array(self.outline)))
 
     def corners(self, t_s: Values | None = None) -> Values:
         """Return the corners (k, 2) of a polygon, or of one that is as good as the ellipse; of one
@@ -200,6 +197,12 @@ class Area:
 
         count = self.corners(times[:1]).shape[-2]
         return _nearest(points, units, count, edges, _to_lines)
+
+
+def signed_size_px2(corners: Values) -> float:
+    """Return the size of an outline (k, 2), below 0 where its corners go round the other way."""
+    (x0, y0), (x1, y1) = _edges(corners)
+    return float((x0 * y1 - x1 * y0).sum() / 2)
 
 
 def areas_at(
