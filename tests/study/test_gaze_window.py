@@ -20,6 +20,8 @@ from visavis.lab.clock import SimClock
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError, SessionAborted
+from visavis.lab.geometry import Pose, rotate
+from visavis.people.person import StudyPerson
 from visavis.recording.cached import CachedRecording
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
@@ -27,7 +29,11 @@ from visavis.running.film_store import film_store
 from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.verification import verify
-from visavis.stimuli.gaze_window import NO_WINDOW, GazeWindow
+from visavis.stimuli.flat import Image
+from visavis.stimuli.gaze_window import NO_WINDOW, GazeWindow, WindowPlace
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M
+from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.dry_run import still_view
 from visavis.study.gaze_window import WindowCourse
 
@@ -209,6 +215,49 @@ def test_without_gaze_the_delay_is_missing_never_zero():
     course = WindowCourse()
     course.take(view_of(0, []))
     assert course.columns("a")["a_window_delay_ms"] is None
+
+
+def share_at_lamp(folder, window, place):
+    """Return how much of five seconds a person's eyes are on a lamp of 2 degrees, 8 to the right
+    and 3 up in a picture, that attracts ten times as much as all else.
+    """
+    Files.new("RGB", (400, 300)).save(folder / "dark.png")
+    (folder / "dark.yaml").write_text("lamp: {ellipse: [360, 90, 40, 40], salience: 5}\n")
+    image = Image("dark.png", 20, areas="dark.yaml")
+    head = Pose(PARTICIPANT_EYE_M, np.array([1.0, 0.0, 0.0, 0.0]))
+    scene = FlatScene("flat", (), items=(image,), folder=folder, head=head, gaze_window=window)
+    person = StudyPerson(0, 1, responses={})
+    person.prepare(1, 0)
+    frame = SceneFrame(scene, 0, np.zeros((0, 3)), np.zeros(0), window_at=place)
+    person.see(frame, 0)
+    eyes, heads_m, turns = person.sense(np.arange(0, 5_000, 10) * MS)
+    ahead = eyes["left_direction_head"]
+    towards = np.array([rotate(q, v) for q, v in zip(turns, ahead, strict=True)])
+    lamp = PARTICIPANT_EYE_M + 2 * LAMP.direction - heads_m
+    cosine = (towards * lamp).sum(axis=1) / np.linalg.norm(lamp, axis=1)
+    return float((cosine > np.cos(np.radians(3))).mean())
+
+
+LAMP = WindowPlace.of(0, PARTICIPANT_EYE_M, [0.138, 0.052, -0.989])
+
+
+@pytest.mark.parametrize(
+    ("window", "place", "is_found"),
+    [
+        (None, None, True),
+        (GazeWindow(3.0), NO_WINDOW, False),
+        (GazeWindow(3.0), LAMP, True),
+        (GazeWindow(3.0), WindowPlace.of(0, PARTICIPANT_EYE_M, [-0.1, 0, -0.995]), False),
+        (GazeWindow(3.0, blur_deg=2.0), NO_WINDOW, False),
+        (GazeWindow(3.0, blur_deg=0.4), NO_WINDOW, True),
+        (GazeWindow(3.0, is_around=True), NO_WINDOW, True),
+    ],
+)
+def test_simulated_people_find_an_area_only_once_the_window_has_come_to_it(
+    tmp_path, window, place, is_found
+):
+    share_01 = share_at_lamp(tmp_path, window, place)
+    assert is_found == (share_01 > 0.25)
 
 
 @pytest.mark.parametrize(

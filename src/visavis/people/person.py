@@ -32,12 +32,17 @@ from visavis.people.moulder import (
     presses,
 )
 from visavis.people.observer import DEFAULT_POPULATION, Observer, Population
-from visavis.people.observer.observer import Layout
-from visavis.people.observer.picture_layout import PictureLayout
+from visavis.people.observer.observer import MOVES_NS, Layout
+from visavis.people.observer.picture_layout import (
+    PictureLayout,
+    areas_in_window,
+    hidden_areas,
+)
 from visavis.people.observer.room_layout import RoomLayout
 from visavis.people.observer.state import HEAD, ROOM, SPEAKER_SIDE
 from visavis.protocol.session.boards import HAND, keys_of_choice
 from visavis.stimuli.areas import SurroundingAreas
+from visavis.stimuli.gaze_window import WindowPlace
 from visavis.stimuli.motion.synthesis.pose_distance import Likeness, compared_joints
 from visavis.stimuli.moving_heads import agents_at
 from visavis.stimuli.panels import PanelFrame, choice_centre_m, place_m, track_01
@@ -116,6 +121,8 @@ class StudyPerson(Observer):
     _turned_deg: tuple[float, float]
     _goal_deg: tuple[float, float]
     _turns: int
+    _areas_found: frozenset[str]
+    """Areas that a window which follows gaze has uncovered in what is shown."""
 
     def __init__(
         self,
@@ -185,6 +192,8 @@ class StudyPerson(Observer):
         scene = view.scene
         if isinstance(scene, FlatScene) and scene.panorama is not None:
             self._look_around(scene, view.turned_deg, t_display_ns)
+        if isinstance(scene, FlatScene) and view.window_at is not None:
+            self._uncover(scene, view.window_at)
 
     # ---- Body ----
 
@@ -305,6 +314,8 @@ class StudyPerson(Observer):
         is_around = isinstance(scene, FlatScene) and scene.panorama is not None
         reach = AROUND_REACH if is_around else 1.0
         self._person["amplitude_rad"] = self.temperament.constants["amplitude_rad"] * reach
+        if self._layout is None or self._layout.scene is not scene:
+            self._areas_found = frozenset()
         super()._meet(scene, t_ns)
 
     def _layout_of(self, scene: Scene) -> Layout | PictureLayout | None:
@@ -326,12 +337,40 @@ class StudyPerson(Observer):
         """
         appeal = super()._appeal_of(what)
         if isinstance(what, PictureLayout):
-            return appeal
+            unknown = self._unknown_areas(what)
+            is_unknown = np.zeros(len(appeal), np.bool_)
+            is_unknown[: len(what.names)] = [name in unknown for name in what.names]
+            return np.where(is_unknown, 0.0, appeal)
         kind = what.targets["kind"]
         people = int((kind == HEAD).sum())
         appeal[kind == ROOM] *= min(1.0, people / FITTED_PEOPLE)
         appeal[kind == SPEAKER_SIDE] = 0.0
         return appeal
+
+    def _unknown_areas(self, what: PictureLayout) -> frozenset[str]:
+        """Return the areas that a window at gaze has yet to uncover; none without one."""
+        window = what.scene.gaze_window if isinstance(what.scene, FlatScene) else None
+        if window is None or window.is_around:
+            return frozenset()
+        return hidden_areas(what, window) - self._areas_found
+
+    def _uncover(self, scene: FlatScene, place: WindowPlace) -> None:
+        """See what a window at gaze uncovers at a place: from then on it attracts."""
+        what, window = self._layout, scene.gaze_window
+        if not isinstance(what, PictureLayout) or window is None or place.t_sample_ns is None:
+            return
+        unknown = self._unknown_areas(what)
+        if not unknown:
+            return
+        found = unknown & areas_in_window(what, self._targets, window, place, self._seat)
+        if not found:
+            return
+        self._areas_found |= found
+        self._appeal = self._appeal_of(what)
+        self._targets["appeal"] = self._appeal
+        if self._moving is not None:  # of those that move only what is there attracts
+            self._moving.move(self._targets, self._appeal, self._moved_step * MOVES_NS)
+        self._plan_number += 1
 
     def _look_around(self, scene: FlatScene, turned_deg: tuple[float, float], t_ns: int) -> None:
         """See where the areas of a panorama are as a screen shows it, and turn the view there: to
@@ -400,6 +439,7 @@ class StudyPerson(Observer):
         self._looks_around = False
         self._turned_deg = self._goal_deg = 0.0, 0.0
         self._turns = 0
+        self._areas_found = frozenset()
 
     def _see_figure(self, view: MouldingFrame, t_ns: int) -> None:
         """At first sight of a figure to mould: look at it, and press what moulds it."""

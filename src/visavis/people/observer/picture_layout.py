@@ -2,15 +2,17 @@
 
 from collections.abc import Sequence
 from functools import partial
+from itertools import compress
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from visavis.lab.geometry import Vector, quat_conjugate, rotate
+from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit
 from visavis.lab.screen import PlacedScreen
 from visavis.people.observer import state
 from visavis.stimuli.areas import ELSEWHERE, PictureAreas, PlacedAreas, SurroundingAreas
+from visavis.stimuli.gaze_window import GazeWindow, WindowPlace
 from visavis.stimuli.scene import Scene
 
 ELSEWHERE_APPEAL: Final = 0.5
@@ -40,7 +42,7 @@ class PictureLayout:
     ) -> None:
         self.scene = scene
         points: list[Vector] = []
-        sizes, saliences, is_around = [], [], []
+        sizes, saliences, is_around, names = [], [], [], []
         self._seat = seat
         moving: list[tuple[int, PlacedAreas]] = []
         for one in sheets:
@@ -51,11 +53,13 @@ class PictureLayout:
                 moving.append((len(points), one))
             for area in one.areas:
                 first = area.first()
+                names.append(area.name)
                 points.append(place_m(*first.middle()))
                 sizes.append(one.size_deg2(first, seat))
                 saliences.append(area.salience)
                 is_around.append(isinstance(one, SurroundingAreas))
         self._moving_sheets = moving
+        self.names = tuple(names)
         n = len(points)
         size_deg2 = np.array(sizes)
         by_size = np.sqrt(size_deg2 / size_deg2.mean()) if n else size_deg2
@@ -108,6 +112,32 @@ class PictureLayout:
                     targets["distance_m"][i] = distance_m
                     size_deg2 = sheet.size_deg2(area, self._seat)
                     targets["radius_rad"][i] = np.radians(np.sqrt(size_deg2 / np.pi))
+
+
+def hidden_areas(what: PictureLayout, window: GazeWindow) -> frozenset[str]:
+    """Return the areas that nobody sees before a window at gaze comes to them: what is around it
+    is covered, or blurred by half their width or more.
+    """
+    half_deg = np.degrees(what.targets["radius_rad"][: len(what.names)])
+    is_hidden = (window.blur_deg == 0) | (half_deg <= window.blur_deg)
+    return frozenset(compress(what.names, is_hidden.tolist()))
+
+
+def areas_in_window(
+    what: PictureLayout,
+    targets: npt.NDArray[np.void],
+    window: GazeWindow,
+    place: WindowPlace,
+    seat: Vector,
+) -> frozenset[str]:
+    """Return the areas of which a window at a place shows a part, `targets` being where they are
+    from a seat.
+    """
+    of_areas = targets[: len(what.names)]
+    places_m = seat + of_areas["direction"] * of_areas["distance_m"][:, None]
+    cosine = np.clip(unit(places_m - place.eye_m) @ place.direction, -1.0, 1.0)
+    is_in = np.arccos(cosine) < np.radians(window.window_deg / 2) + of_areas["radius_rad"]
+    return frozenset(compress(what.names, is_in.tolist()))
 
 
 def _ahead(around: SurroundingAreas) -> Vector:
