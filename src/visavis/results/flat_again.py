@@ -55,23 +55,31 @@ def flat_views(record: RecordedScene, folder: Path) -> Iterator[SceneFrame]:
         (window,) = read_items_text(f"({payload[f'option_{GAZE_WINDOW}']},)")
     window_at = None if window is None else _window_at(record)
     turns = read_turns(record.since(VIEW_TURNED))
-    for head in heads:
-        scene = FlatScene(
-            name=record.scene.name,
-            agents=(),
-            brightness_01=record.scene.brightness_01,
-            dressed_by=DRESSED_BY,
-            items=items,
-            background_srgb=rgb_of(read_colour(payload["option_background"])),
-            head=head,
-            surface=surface,
-            folder=folder,
-            answered_by=str(payload.get("option_answered_by", "")),
-            moves_since_ns=int(payload.get("moves_since_ns", 0)),
-            panorama=panorama,
-            turns=turns,
-            gaze_window=window,
-        )
+
+    def scenes() -> list[FlatScene]:
+        return [
+            FlatScene(
+                name=record.scene.name,
+                agents=(),
+                brightness_01=record.scene.brightness_01,
+                dressed_by=DRESSED_BY,
+                items=items,
+                background_srgb=rgb_of(read_colour(payload["option_background"])),
+                head=head,
+                surface=surface,
+                folder=folder,
+                answered_by=str(payload.get("option_answered_by", "")),
+                moves_since_ns=int(payload.get("moves_since_ns", 0)),
+                panorama=panorama,
+                turns=turns,
+                gaze_window=window,
+            )
+            for head in heads
+        ]
+
+    # All frames of one showing have one scene, whose pictures are then made once.
+    key = ("flat", record.description["scene"], folder, len(turns.turns))
+    for scene in record.once(key, scenes):
         # What moves stood still between two frames.
         t_ns = record.t_ns if scene.moves else record.t_scene_ns
         turned_deg = turns.at(record.t_scene_ns)

@@ -1,4 +1,4 @@
-"""Where rays end in a picture: on people, things, boards, walls and floor, as they are drawn."""
+"""Where rays end in a picture: on people, things, boards, stimuli, walls and floor, as drawn."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -10,7 +10,7 @@ from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector, rotate
 from visavis.stimuli.characters.skinning import skin_vertices
 from visavis.stimuli.motion.skeleton import forward
-from visavis.stimuli.picture import Panel, Picture, PlacedProp, Room
+from visavis.stimuli.picture import Panel, Picture, PlacedProp, Room, Sheet
 
 REACH_M: Final = 1.3
 """No part of a body is farther than this from its hips, arms stretched above the head included."""
@@ -79,7 +79,7 @@ class Surfaces:
 
     def ends(self, picture: Picture, origin_m: Vector, direction: Vector) -> RayEnds:
         """Return where rays (n, 3) of unit direction end in a picture. People are called by their
-        figures, things by their names in the room.
+        figures, things by their names in the room, flat stimuli "stimulus".
         """
         origin = np.ascontiguousarray(origin_m, np.float64)
         along = np.ascontiguousarray(direction, np.float64)
@@ -93,6 +93,7 @@ class Surfaces:
         rigid = [
             *self._walls,
             *((m.prop.name, _placed_m(m), m.prop.mesh.triangles) for m in picture.moving),
+            *(("stimulus", _corners_m(sheet), PANEL_TRIANGLES) for sheet in picture.sheets),
             *(("board", _corners_m(panel), PANEL_TRIANGLES) for panel in picture.panels),
         ]
         for k, (_, vertices, triangles) in enumerate(rigid):
@@ -169,7 +170,7 @@ def _placed_m(thing: PlacedProp) -> npt.NDArray[np.float32]:
     return (thing.pose.position_m + rotate(thing.pose.orientation_wxyz, own)).astype(np.float32)
 
 
-def _corners_m(panel: Panel) -> npt.NDArray[np.float32]:
+def _corners_m(panel: Panel | Sheet) -> npt.NDArray[np.float32]:
     half = 0.5 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * [*panel.size_m, 0.0]
     corners: npt.NDArray[np.float32] = (
         panel.pose.position_m + rotate(panel.pose.orientation_wxyz, half)

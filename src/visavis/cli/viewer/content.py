@@ -17,6 +17,13 @@ from visavis.cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
 from visavis.cli.session_lanes import lanes_of
 from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.fixations import fixations_of
+from visavis.cli.viewer.flat import (
+    Showing,
+    flat_content,
+    flat_ends,
+    onsets_ns,
+    showing_of,
+)
 from visavis.cli.viewer.models import LEVEL_OF_FEW, LEVEL_OF_MANY, MAX_FEW, Models
 from visavis.cli.viewer.motion import key_samples
 from visavis.cli.viewer.pages import pages_of
@@ -158,7 +165,14 @@ class InSpace:
         self, trial: RecordedTrial, samples: "list[Sample]", models: Models, bundle: Bundle
     ) -> dict[str, Any]:
         """Return a trial's scenes, ends of gaze and fixations; their arrays go into a bundle."""
-        scenes = [_scene(trial, run, models, bundle, self._times) for run in _runs(samples)]
+        scenes = []
+        for run, end_ns in _runs(samples):
+            scene = _scene(trial, run, end_ns, models, bundle, self._times)
+            first = run[0]
+            if first.showing is not None:
+                t_ns, pictures = [s.t_ns for s in run], [s.picture for s in run]
+                scene["flat"] = flat_content(first.showing, t_ns, pictures, models, bundle)
+            scenes.append(scene)
         gaze = _gaze(self._recording, trial, samples, models.level, bundle, self._times)
         return {"scenes": scenes, **gaze}
 
@@ -486,6 +500,8 @@ class Sample:
     agents: tuple[Agent, ...]
     full_picture: Picture
     """The same with the participant in it, last, where somebody can stand in for them."""
+    showing: Showing | None = None
+    """The flat stimuli in it."""
 
 
 StandIns = dict[tuple[int, str], StandIn]
@@ -511,14 +527,15 @@ def with_participant(
 
 
 def samples_of(study: OpenedStudy, trial: RecordedTrial) -> list[Sample]:
-    """Return what was shown at even times of a trial."""
+    """Return what was shown at even times of a trial; flat stimuli from their onset on."""
     start_ns, end_ns = trial.span_ns
     samples = []
-    for t_ns in range(start_ns, end_ns + 1, NS_PER_S // SAMPLES_PER_S):
-        moment = trial.shown_at(t_ns)
-        view = next(iter(study.views_of(moment)))
-        picture = picture_of(view)
-        samples.append(Sample(t_ns, picture, agents_at(view.scene, t_ns), picture))
+    for begin_ns, until_ns in pairwise([start_ns, *onsets_ns(trial), end_ns + 1]):
+        for t_ns in range(begin_ns, until_ns, NS_PER_S // SAMPLES_PER_S):
+            moment = trial.shown_at(t_ns)
+            view = next(iter(study.views_of(moment)))
+            picture, agents = picture_of(view), agents_at(view.scene, t_ns)
+            samples.append(Sample(t_ns, picture, agents, picture, showing_of(view, moment)))
     return samples
 
 
@@ -550,13 +567,19 @@ def _gaze(
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     far_m, on = np.full(len(rows), np.nan), np.full(len(rows), "", dtype=object)
     is_lit = np.zeros(len(rows), bool)
-    shown = (when_ns[rows] - start_ns + NS_PER_S // (2 * SAMPLES_PER_S)) * SAMPLES_PER_S
-    shown = np.minimum(shown // NS_PER_S, len(samples) - 1)
+    # Of the samples of one showing the nearest.
+    t_ns = np.array([sample.t_ns for sample in samples])
+    ends_ns = np.where(np.isin(t_ns[1:], onsets_ns(trial)), t_ns[1:], (t_ns[:-1] + t_ns[1:]) // 2)
+    shown = np.searchsorted(ends_ns, when_ns[rows], side="right")
     for k in np.unique(shown[is_valid]):
         here, sample = np.flatnonzero((shown == k) & is_valid), samples[k]
         if sample.picture.brightness_01 <= 0:
             continue
-        ends = surfaces.ends(sample.picture, origin_m[here], direction[here])
+        rays, showing = (origin_m[here], direction[here]), sample.showing
+        if showing is None:
+            ends = surfaces.ends(sample.picture, *rays)
+        else:
+            ends = flat_ends(surfaces, sample.picture, showing, *rays, when_ns[rows[here]])
         far_m[here], on[here], is_lit[here] = ends.distance_m, ends.name, True
     far_m[~np.isfinite(far_m)] = np.nan
     fixations = fixations_of(
@@ -591,12 +614,13 @@ def _gaze(
     }
 
 
-def _runs(samples: list[Sample]) -> Iterator[list[Sample]]:
-    """Yield samples that show the same people and things in the same room."""
+def _runs(samples: list[Sample]) -> Iterator[tuple[list[Sample], int]]:
+    """Yield samples that show the same people and things in the same room, and when these end."""
 
     def same(a: Sample, b: Sample) -> bool:
         return (
             a.picture.room is b.picture.room
+            and a.showing is b.showing
             and len(a.full_picture.cast) == len(b.full_picture.cast)
             and all(
                 one is two
@@ -608,13 +632,15 @@ def _runs(samples: list[Sample]) -> Iterator[list[Sample]]:
         )
 
     cuts = [k for k in range(1, len(samples)) if not same(samples[k - 1], samples[k])]
+    end_ns = samples[-1].t_ns + NS_PER_S // SAMPLES_PER_S
     for first, last in pairwise([0, *cuts, len(samples)]):
-        yield samples[first:last]
+        yield samples[first:last], samples[last].t_ns if last < len(samples) else end_ns
 
 
 def _scene(
     trial: RecordedTrial,
     samples: list[Sample],
+    end_ns: int,
     models: Models,
     bundle: Bundle,
     times: Times,
@@ -630,7 +656,7 @@ def _scene(
     return {
         "trial": str(trial.row["trial_id"]),
         "t0": times.s(trial.part, samples[0].t_ns),
-        "t1": times.s(trial.part, samples[-1].t_ns + NS_PER_S // SAMPLES_PER_S),
+        "t1": times.s(trial.part, end_ns),
         "rate": SAMPLES_PER_S,
         "n": n,
         "room": models.room(first.room),

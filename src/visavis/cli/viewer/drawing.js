@@ -39,7 +39,7 @@ class Drawing extends Painter {
     // Where the processor draws, smooth edges would cost it most of its time.
     const slow = isProcessor(rendererName());
     super(canvas, {antialias: !slow, programs: {person: [PERSON, '#define TEXTURED'], quick: [QUICK], eyes: [QUICK_EYES], thing: [THING],
-      cache: [CACHE], room: [ROOM], holes: [ROOM, '#define HOLES']}});
+      sheet: [SHEET], around: [SHEET, '#define AROUND'], cache: [CACHE], room: [ROOM], holes: [ROOM, '#define HOLES']}});
     this.slow = slow;
     this.content = content;
     this.pictures = content.header.textures.map(() => this.white);
@@ -50,8 +50,10 @@ class Drawing extends Painter {
   }
 
   async load(texture, k) {
-    const image = await createImageBitmap(new Blob([this.content.flat(texture.file)], {type: 'image/webp'}), {premultiplyAlpha: 'none'});
-    this.pictures[k] = this.picture(image, this.slow ? this.gl.NEAREST_MIPMAP_NEAREST : undefined);
+    const gl = this.gl;
+    const image = await createImageBitmap(new Blob([this.content.flat(texture.file)], {type: 'image/webp'}), {premultiplyAlpha: texture.flat ? 'premultiply' : 'none'});
+    this.pictures[k] = this.picture(image, this.slow && !texture.flat ? gl.NEAREST_MIPMAP_NEAREST : undefined);
+    if (texture.flat) for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
   }
 
   padded(ref) { const rows = this.content.plainRows(ref, 1); rows.stride = 4; return rows; }
@@ -279,6 +281,31 @@ class Drawing extends Painter {
       gl.uniform1i(at.look, picture < 0 ? 0 : 1);
       gl.drawElements(gl.TRIANGLES, buffers.count, buffers.kind, 0);
     }
+  }
+
+  // Flat pictures {at, turn, size, picture} over what is farther away, the last in front; with `around` {eye, turn} what
+  // is seen from the eye through each of a picture all around, behind everything if asked for.
+  drawSheets(sheets, projection, around = null) {
+    const gl = this.gl, at = this.use(around ? 'around' : 'sheet', projection, null, 1);
+    gl.bindVertexArray(this.noArrays ||= gl.createVertexArray());
+    gl.activeTexture(gl.TEXTURE0);
+    if (around) {
+      const [w, ...v] = around.turn, back = [w, ...v.map(x => -x)];
+      gl.uniform3fv(at.eye, around.eye);
+      gl.uniformMatrix3fv(at.own, false, [[1, 0, 0], [0, 1, 0], [0, 0, 1]].flatMap(axis => rotate(back, axis)));
+    }
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.depthMask(false);
+    if (around?.isBehind) gl.disable(gl.DEPTH_TEST);
+    for (const sheet of sheets) {
+      gl.uniformMatrix4fv(at.model, false, modelMatrix(sheet.at, sheet.turn, [...sheet.size, 1]));
+      gl.bindTexture(gl.TEXTURE_2D, this.pictures[sheet.picture]);
+      gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+    }
+    gl.enable(gl.DEPTH_TEST);
+    gl.depthMask(true);
+    gl.disable(gl.BLEND);
   }
 }
 

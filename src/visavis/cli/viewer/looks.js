@@ -15,6 +15,7 @@ class Session {
     this.paths = new Map();
     this.measured = new Map();
     this.lookSpans = null;
+    this.monitor = header.scenes.map(s => s.flat?.eye && s.flat.sheets[0]).find(Boolean) || null; // before which they sat
   }
 
   sceneAt(t) {
@@ -81,13 +82,14 @@ class Session {
     const looks = new Map();
     if (this.streams.has('gaze_targets')) {
       const t = this.streams.t('gaze_targets'), hit = this.streams.field('gaze_targets', 'hit')[0];
-      const scenes = this.header.scenes.filter(s => s.agents.length);
+      const scenes = this.header.scenes.filter(s => s.agents.length || s.flat?.areas.length);
       let scene = 0, open = null;
       for (let i = 0; i < t.length; i++) {
         while (scene < scenes.length - 1 && t[i] >= scenes[scene + 1].t0) scene++;
         const here = scenes[scene];
         const inside = here && t[i] >= here.t0 && t[i] < here.t1;
-        const name = inside && hit[i] >= 0 && here.agents[hit[i]] ? here.agents[hit[i]].place || here.agents[hit[i]].id : null;
+        const on = inside && here.flat ? this.streams.endAt(t[i]).on : '', isArea = on && here.flat.areas.some(a => a.name === on);
+        const name = isArea ? on : inside && hit[i] >= 0 && here.agents[hit[i]] ? here.agents[hit[i]].place || here.agents[hit[i]].id : null;
         if (open && open.name === name && t[i] - open.span[1] < 0.1) { open.span[1] = t[i]; continue; }
         open = null;
         if (name) {
@@ -228,6 +230,16 @@ function throughBox(from, along, low, high) { // where a ray from outside enters
     far = Math.min(far, Math.max(a, b));
   }
   return near <= far ? near : -1;
+}
+
+// Whether a point lies within a polygon: a line to the right of it crosses the outline an odd time.
+function isWithin(corners, x, y) {
+  let is = false;
+  corners.forEach((a, k) => {
+    const b = corners[(k + 1) % corners.length];
+    if (a[1] <= y !== b[1] <= y && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])) is = !is;
+  });
+  return is;
 }
 
 // ---- labels that do not lie over each other ----

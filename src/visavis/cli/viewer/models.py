@@ -1,5 +1,6 @@
 """People and rooms as a page draws them: light meshes, small pictures, light of the lamps."""
 
+import hashlib
 import io
 from collections.abc import Callable
 from typing import Any, Final
@@ -21,7 +22,7 @@ CELL_OF_FEW_M, CELL_OF_MANY_M = 0.0, 0.05
 """Vertices of a light mesh within so much are one."""
 MAX_FEW: Final = 24
 """More people than these are drawn at their lightest."""
-SIDE_PX: Final = {"skin": 512, "hair": 256, "thing": 512}
+SIDE_PX: Final = {"skin": 512, "hair": 256, "thing": 512, "flat": 512, "around": 1024}
 OTHER_SIDE_PX: Final = 128
 WEBP_QUALITY: Final = 80
 
@@ -35,7 +36,7 @@ class Models:
         self.people: list[dict[str, Any]] = []
         self.rooms: list[dict[str, Any]] = []
         self.textures: list[dict[str, Any]] = []
-        self._numbers: dict[int, int] = {}
+        self._numbers: dict[int | bytes, int] = {}
         self._kept_alive: list[object] = []
 
     def person(self, character: Character) -> int:
@@ -59,6 +60,16 @@ class Models:
             "colour": self._bundle.add(mesh.colour_srgb),
             "index": self._bundle.add(mesh.triangles.ravel().astype(np.uint32)),
         }
+
+    def flat(self, pixels: npt.NDArray[np.uint8], kind: str = "flat") -> int:
+        """Return the number of the small picture of a flat stimulus, or of one all "around"; what
+        looks alike has one.
+        """
+        content = hashlib.sha256(repr(pixels.shape).encode() + pixels.tobytes()).digest()
+        if content not in self._numbers:
+            self.textures.append({**self._pack_texture(pixels, kind), "flat": True})
+            self._numbers[content] = len(self.textures) - 1
+        return self._numbers[content]
 
     def _number(self, thing: object, into: list[dict[str, Any]], make: Any) -> int:
         if id(thing) not in self._numbers:
@@ -149,10 +160,11 @@ class Models:
         if max(image.size) > side:
             share = side / max(image.size)
             image = image.resize(tuple(max(1, round(s * share)) for s in image.size))  # type: ignore[arg-type]
-        content = io.BytesIO()
-        image.save(content, "WEBP", quality=WEBP_QUALITY, method=4)
+        content = _webp(image, quality=WEBP_QUALITY)
+        if kind in ("flat", "around"):  # letters and shapes are smaller without a loss
+            content = min(_webp(image, lossless=True), content, key=len)
         holes = texture.shape[2] == 4 and bool((texture[..., 3] < 128).any())
-        return {"file": self._bundle.add_bytes(content.getvalue()), "holes": holes}
+        return {"file": self._bundle.add_bytes(content), "holes": holes}
 
     def _room(self, room: Room) -> dict[str, Any]:
         lit_room = baked_room(room_vertices(room.props), room)
@@ -170,6 +182,12 @@ class Models:
             "ground": room.ground.tolist(),
             "background": list(room.background_srgb),
         }
+
+
+def _webp(image: Image.Image, **how: Any) -> bytes:
+    content = io.BytesIO()
+    image.save(content, "WEBP", method=4, **how)
+    return content.getvalue()
 
 
 def _box(prop: Prop) -> list[Any]:

@@ -58,7 +58,7 @@ def _script(file: Path) -> str:
 CODE = (
     _HERE / "data.js",
     Path(pages_of_people.__path__[0]) / "site" / "painting.js",
-    *(_HERE / f"{name}.js" for name in "drawing quick scene looks coding pages".split()),
+    *(_HERE / f"{name}.js" for name in "drawing quick flat scene looks coding pages".split()),
     *(_HERE / f"{name}.js" for name in ("timeline", "saving", "viewer")),
 )
 """Files of the page's code, in the order in which they stand in it."""

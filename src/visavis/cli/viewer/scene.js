@@ -40,6 +40,7 @@ class Scene {
     this.turns = new Keys(own, data.turns);
     this.morphs = new Keys(own, data.morphs);
     this.light = own.columns(data.light)[0];
+    this.flat = data.flat ? new Flat(own, data.flat) : null;
     const n = data.cast.length, joints = data.joints;
     this.bones = new Float32Array(n * joints * 12);
     this.shapes = new Float32Array(6 * n);
@@ -55,6 +56,7 @@ class Scene {
     this.p = new Float32Array(3 * joints);
   }
 
+  row(t) { return Math.floor(this.sample(t)); }
   sample(t) { return Math.max(0, Math.min(this.data.n - 1, (t - this.data.t0) * this.data.rate)); }
 
   // Place and point looked at (6) of the camera that knows the room; it jumps where it cuts.

@@ -28,6 +28,7 @@ class Viewer {
     this.drawing = new Drawing($('picture'), content);
     this.pages = new Pages(content, () => { this.dirty = true; });
     this.show = Object.fromEntries(LAYERS.map(([name, , on]) => [name, on]));
+    this.outlines = [];
     this.t = header.scenes[0]?.t0 ?? header.pages[0]?.t0 ?? header.trials[0]?.t0 ?? 0;
     this.playing = false; this.speed = 1;
     this.free = {at: [0, 1.6, 3], yaw: 0, pitch: -0.1};
@@ -126,15 +127,20 @@ class Viewer {
     const head = this.streams.headAt(this.t) || {at: [0, 1.6, 0], turn: [1, 0, 0, 0]};
     const front = unit([...[rotate(head.turn, [0, 0, -1])].map(v => [v[0], 0, v[2]])][0]);
     const right = [-front[2], 0, front[0]];
-    const at = add(add(add(head.at, front, -1.5), right, 0.9), [0, 0.45, 0]);
-    const towards = unit(sub(add(add(head.at, front, 2.5), [0, -0.35, 0]), at));
+    const monitor = this.session.monitor, near = monitor ? 0.35 : 1;
+    const at = add(add(add(head.at, front, -1.5 * near), right, 0.9 * near), [0, 0.45 * near, 0]);
+    const towards = unit(sub(monitor ? monitor.at : add(add(head.at, front, 2.5), [0, -0.35, 0]), at));
     this.free = {at, yaw: Math.atan2(-towards[0], -towards[2]), pitch: Math.asin(towards[1])};
   }
 
   view(scene, width, height) {
     const aspect = width / height, head = this.streams.headAt(this.t);
     let at = this.free.at, turn = turnOf(this.free.yaw, this.free.pitch), top = 0.577, near = 0.08;
-    if (this.camera === 'eyes' && head) ({at, turn} = head), top = 0.84;
+    if (this.camera === 'eyes' && head) {
+      ({at, turn} = head);
+      const monitor = this.session.monitor; // which fills the view
+      top = monitor ? 0.58 * Math.max(monitor.size[1], monitor.size[0] / aspect) / size(sub(monitor.at, at)) : 0.84;
+    }
     if (this.camera === 'follow' && head) {
       const f = rotate(head.turn, [0, 0, -1]), yaw = Math.atan2(-f[0], -f[2]);
       turn = turnOf(yaw, -0.12);
@@ -222,10 +228,11 @@ class Viewer {
     const view = this.view(scene, width, height);
     const light = scene ? this.show.light ? 1 : scene.brightness(t) : 1;
     const room = scene ? this.content.header.rooms[scene.data.room] : null;
-    const d = this.drawing;
+    const d = this.drawing, flat = scene?.flat;
     const share = quick ? this.share() : 1;
     this.timed = quick;
-    d.begin(Math.round(width * share), Math.round(height * share), room && room.lamps.length ? room.background : [34, 36, 40], scene && !room.lamps.length ? 1 : light);
+    d.begin(Math.round(width * share), Math.round(height * share), room && (room.lamps.length || flat && !flat.monitor) ? room.background : [34, 36, 40], scene && !room.lamps.length ? 1 : light);
+    if (flat && this.show.room && !flat.monitor) flat.drawAround(d, view, scene.row(t));
     if (scene) {
       const drawRoom = () => { if (this.show.room && room.lamps.length) d.drawRoom(scene.data.room, view.projection, light, quick ? share * height : 0); };
       // A camera that stands still sees the same room again.
@@ -239,6 +246,7 @@ class Viewer {
       d.drawThings(scene.data.moving.map(m => ({mesh: m.mesh, model: modelMatrix(m.at, m.turn), glow: m.glow})), view.projection, room, light);
     }
     d.drawThings(this.bodyThings(scene), view.projection, null, 1);
+    if (flat && this.show.room) flat.draw(d, view, scene.row(t));
     const step = this.pages.at(t);
     if (step) this.drawPage(step, width, height);
     else this.drawOver(scene, view, width, height, light);
@@ -304,10 +312,12 @@ class Viewer {
       for (const [name, p] of Object.entries(at)) if (good(p) && name !== 'head' && (bare || isFelt(name)))
         out.push({solid: 'ball', model: modelMatrix(p, [1, 0, 0, 0], Array(3).fill(/hand/.test(name) ? 0.05 : 0.045)), paint: colour(name)});
     }
+    const monitor = this.session.monitor;
+    if (monitor && this.show.room) out.push({solid: 'box', model: modelMatrix(add(monitor.at, rotate(monitor.turn, [0, 0, 1]), -0.012), monitor.turn, [monitor.size[0] + 0.02, monitor.size[1] + 0.02, 0.02]), paint: [0.1, 0.1, 0.11]});
     if (head && outside) {
       const middle = add(head.at, rotate(head.turn, [0, 0.02, 0.09]));
       if (!isDressed || !this.show.body) out.push({solid: 'ball', model: modelMatrix(middle, head.turn, [0.078, 0.115, 0.095]), paint: [0.8, 0.72, 0.62]});
-      out.push({solid: 'box', model: modelMatrix(add(head.at, rotate(head.turn, [0, 0, -0.02])), head.turn, [0.17, 0.09, 0.07]), paint: [0.12, 0.13, 0.15]});
+      if (!monitor) out.push({solid: 'box', model: modelMatrix(add(head.at, rotate(head.turn, [0, 0, -0.02])), head.turn, [0.17, 0.09, 0.07]), paint: [0.12, 0.13, 0.15]});
     }
     return out;
   }
@@ -344,6 +354,9 @@ class Viewer {
       g.stroke();
       if (isHit || agents.length <= MANY || r > 14 * ratio) named.push({text: inWords(agent.place || agent.id), x: p[0], y: p[1] - r - 8 * ratio, colour: isHit ? GAZE : '#ddd', far: isHit ? 0 : p[2]});
     });
+    this.outlines = this.show.areas && scene?.flat ? scene.flat.areasAt(scene.row(t)) : [];
+    for (const area of this.outlines) this.drawArea(g, area, at, ratio, this.seen.length === 1 && gaze?.valid && gaze.on === area.name, named);
+    if (this.show.gaze && scene?.flat?.data.window) this.drawWindow(g, scene.flat, at, ratio);
     if (this.show.path) for (const one of this.seen) this.drawPath(g, one, at, ratio);
     for (const one of this.seen) if (trial) this.drawFixations(g, one, one.trialAt(t) || trial, at, scale, ratio, labels);
     if (this.show.gaze) for (const one of this.seen) this.drawGaze(g, one, at, ratio, width, height, labels);
@@ -374,6 +387,31 @@ class Viewer {
     writeOn(g, panel.choices.map((c, k) => k === panel.lit ? `[${c}]` : c).join('   '), x, y + 12 * ratio, '#ccc', ratio);
   }
 
+  // An area of interest on a picture; of a painted one its name alone.
+  drawArea(g, area, at, ratio, isHit, named) {
+    const corners = area.corners.map(at);
+    if (corners.some(p => !p)) return;
+    this.outline(g, [...corners, corners[0]], isHit ? GAZE : '#d8d8d8', (isHit ? 2.5 : 1) * ratio, ratio);
+    const top = corners.reduce((a, b) => b[1] < a[1] ? b : a);
+    named.push({text: inWords(area.name), x: corners.reduce((s, p) => s + p[0], 0) / corners.length, y: top[1] - 8 * ratio, colour: isHit ? GAZE : '#ddd', far: isHit ? 0 : top[2]});
+    area.path = corners.map(p => [p[0] / ratio, p[1] / ratio]);
+  }
+
+  // Where the window was that followed gaze.
+  drawWindow(g, flat, at, ratio) {
+    const read = name => this.streams.at('gaze_window', name, this.t, 0.1), valid = read('valid');
+    if (!valid || !(valid[0] > 0.5)) return;
+    const rim = flat.rim(read('origin_world_m'), unit(read('direction_world'))).map(at);
+    if (rim.every(Boolean)) this.outline(g, rim, WINDOW, 2 * ratio, ratio);
+  }
+
+  // A line through points, readable on any colour.
+  outline(g, points, colour, wide, ratio) {
+    g.beginPath();
+    points.forEach((p, k) => k ? g.lineTo(p[0], p[1]) : g.moveTo(p[0], p[1]));
+    for (const [more, ink] of [[2 * ratio, 'rgba(20,20,20,.6)'], [0, colour]]) { g.lineWidth = wide + more; g.strokeStyle = ink; g.stroke(); }
+  }
+
   dot(g, p, r, colour) { if (p) { g.fillStyle = colour; g.beginPath(); g.arc(p[0], p[1], r, 0, 7); g.fill(); } }
   ring(g, p, r, ratio, own = GAZE) {
     for (const [by, colour] of [[1.5 * ratio, 'rgba(20,20,20,.8)'], [0, own]]) {
@@ -402,7 +440,7 @@ class Viewer {
     }
     if (!this.show.labels) return;
     if (!alone) labels.put(one.label, b[0], b[1] + 20 * ratio, one.colour);
-    else if (gaze.on && gaze.hit < 0) labels.put(inWords(gaze.on), b[0], b[1] + 22 * ratio, GAZE);
+    else if (gaze.on && gaze.hit < 0 && !this.outlines.some(area => area.name === gaze.on)) labels.put(inWords(gaze.on), b[0], b[1] + 22 * ratio, GAZE);
   }
 
   drawWalked(g, one, at, ratio) {
@@ -724,8 +762,11 @@ class Viewer {
       this.markPicked();
       return;
     }
+    const flats = this.header.scenes.map(s => s.flat).filter(Boolean);
     const lines = [...this.streams.has('gaze_targets') ? [[GAZE, 'gaze: where it ends on what is drawn; area it is on'], ['#d8d8d8', 'area of interest'], ['#78dcff', 'path of gaze, 2 s']] : [],
       ...this.header.trials.some(t => t.shown && this.session.walked(t).length) ? [[GAZE, 'walked path, on the floor: what is to come is faint']] : [],
+      ...flats.some(f => f.window) ? [[WINDOW, `window after gaze: what was ${[...new Set(flats.filter(f => f.window).map(f => f.window.isAround ? 'inside' : 'outside'))].join(' or ')} was covered`]] : [],
+      ...flats.some(f => f.moves) ? [['#8a8f98', 'moving dots and films: as they were at first']] : [],
       ...this.header.lanes.some(l => l.kind === 'contact') ? [[LANE_COLOURS.contact, 'contact']] : [], ...this.header.lanes.some(l => l.kind !== 'contact') ? [[LANE_COLOURS.vibration, 'vibration']] : [],
       [STATUS.complete, 'trial: complete'], [STATUS.damaged, 'trial: damaged'], [STATUS.interrupted, 'trial: interrupted, aborted or repeated'], [PRACTICE, 'trial: practice']];
     const seen = new Set(this.header.trials.map(t => t.practice ? 'practice' : t.status));
@@ -753,10 +794,15 @@ class Viewer {
     if (!scene || this.pages.at(this.t)) return null;
     const touch = (this.touches || []).find(c => Math.hypot(c.x - x, c.y - y) < NEAR_PX / 2);
     if (touch) return touch;
+    const area = this.outlines.findLast(one => one.path && isWithin(one.path, x, y));
+    if (area) return this.lookedAt({kind: 'thing', name: area.name});
     const view = this.view(scene, width, height);
     const along = unit(rotate(view.turn, [(2 * x / width - 1) * view.top * view.aspect, (1 - 2 * y / height) * view.top, -1]));
     const key = metBy(scene, this.content.header, view.at, along);
-    if (!key) return null;
+    return key && this.lookedAt(key);
+  }
+
+  lookedAt(key) {
     const m = this.session.measures(key, this.trialAt(this.t));
     return {key, text: inWords(key.name) + (m ? m.dwell > 0 ? `: looked at for ${m.dwell.toFixed(2)} s` : ': not looked at' : '')};
   }

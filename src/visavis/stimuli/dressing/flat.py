@@ -52,7 +52,7 @@ def picture_of_flat(frame: SceneFrame) -> Picture:
     """Return the picture of a frame of flat stimuli."""
     scene = frame.scene
     assert isinstance(scene, FlatScene)  # noqa: S101 - the scene names this function
-    room, sheets = _sheets_of(scene)
+    room, sheets = first_sheets(scene)
     if any(sheet.course is not None for sheet in sheets):
         elapsed_s = (frame.t_ns - scene.moves_since_ns) / NS_PER_S
         sheets = tuple(
@@ -99,10 +99,29 @@ def _around(scene: FlatScene) -> SurroundingAreas:
 
 
 @lru_cache(maxsize=16)
-def _sheets_of(scene: FlatScene) -> tuple[Room, tuple[Sheet, ...]]:
+def first_sheets(scene: FlatScene) -> tuple[Room, tuple[Sheet, ...]]:
+    """Return the place of a scene's stimuli, and these as they are at their onset."""
     background = shown_rgb(scene.background_srgb, _luminance(scene))
-    room = Room("flat", (), (), np.zeros(3), np.zeros(3), background)
-    return room, tuple(_sheet(item, scene) for item in scene.items)
+    return _room(background), tuple(_sheet(item, scene) for item in scene.items)
+
+
+@lru_cache(maxsize=16)
+def _room(background_srgb: tuple[int, int, int]) -> Room:
+    return Room("flat", (), (), np.zeros(3), np.zeros(3), background_srgb)
+
+
+@lru_cache(maxsize=16)
+def monitor_of(scene: FlatScene) -> Sheet | None:
+    """Return the lit area of the monitor before which a scene is shown, in its background's colour;
+    None in a headset.
+    """
+    screen = scene.surface.screen
+    if screen is None:
+        return None
+    flat, (room, _) = screen.flat, first_sheets(scene)
+    pixels = np.array([[[*room.background_srgb, 255]]], np.uint8)
+    pose = screen.pose_at(flat.center_right_m, flat.center_up_m)
+    return Sheet(pixels, pose, (flat.width_m, flat.height_m))
 
 
 def _luminance(scene: FlatScene) -> LuminanceTable | None:

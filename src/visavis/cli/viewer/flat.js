@@ -1,0 +1,66 @@
+// Flat stimuli as they stood before somebody: pictures, a picture all around, areas of interest, the window after gaze.
+
+const WINDOW = '#7fd1ae', RIM = 64;
+
+// A rectangle with a picture in its own colours, whatever lamps there are; AROUND: a window onto a picture all around.
+const SHEET = [`#version 300 es
+uniform mat4 projection; uniform mat4 model; out vec2 v_uv; out vec3 v_place;
+void main() {
+  v_uv = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+  vec4 world = model * vec4(v_uv.x - 0.5, 0.5 - v_uv.y, 0.0, 1.0);
+  v_place = world.xyz;
+  gl_Position = projection * world;
+}`, `#version 300 es
+precision highp float;
+in vec2 v_uv; in vec3 v_place; uniform sampler2D picture; uniform vec3 eye; uniform mat3 own; out vec4 o;
+void main() {
+#ifdef AROUND
+  vec3 d = own * normalize(v_place - eye);
+  o = textureLod(picture, vec2(0.5 + atan(d.x, -d.z) / 6.28318531, acos(clamp(d.y, -1.0, 1.0)) / 3.14159265), 0.0);
+#else
+  o = texture(picture, v_uv);
+#endif
+}`];
+
+class Flat {
+  constructor(content, data) {
+    Object.assign(this, {data, content});
+    this.monitor = data.eye ? data.sheets[0] : null;
+    const courseOf = ref => { const flat = content.flat(ref), n = ref.s[0]; return k => Array.from({length: flat.length / n}, (_, c) => flat[c * n + Math.min(k, n - 1)]); };
+    this.areas = data.areas.map(({name, corners}) => ({name, at: courseOf(corners)}));
+    this.turnAt = data.around && courseOf(data.around.turns);
+  }
+
+  // What stands there at a sample (whole number) of the scene: areas of interest as {name, corners}.
+  areasAt(k) {
+    return this.areas.map(({name, at}) => {
+      const numbers = at(k);
+      return {name, corners: Array.from({length: numbers.length / 3}, (_, c) => numbers.slice(3 * c, 3 * c + 3))};
+    }).filter(area => !Number.isNaN(area.corners[0][0]));
+  }
+
+  // What is all around: behind a monitor as through a window, else wherever one looks.
+  drawAround(d, view, k) {
+    if (!this.turnAt) return;
+    const before = {at: add(view.at, rotate(view.turn, [0, 0, -1])), turn: view.turn, size: [2.01 * view.top * view.aspect, 2.01 * view.top]};
+    d.drawSheets([{...this.monitor || before, picture: this.data.around.picture}], view.projection, {eye: this.data.eye || view.at, turn: this.turnAt(k), isBehind: !this.monitor});
+  }
+
+  draw(d, view, k) {
+    d.drawSheets(this.data.sheets.slice(0, this.monitor ? 1 : 0), view.projection);
+    if (this.monitor) this.drawAround(d, view, k);
+    d.drawSheets(this.data.sheets.slice(this.monitor ? 1 : 0), view.projection);
+  }
+
+  // The rim of the window around what is looked at from an eye: on the monitor, or on the stimuli in their distance.
+  rim(eye, along) {
+    const radius = this.data.window.deg / 2 * Math.PI / 180, side = unit(cross(along, [0, 1, 0])), up = cross(side, along), out = [];
+    const front = this.monitor && rotate(this.monitor.turn, [0, 0, 1]), dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    const far = size(sub(this.data.sheets[0]?.at || add(eye, along, 2), eye));
+    for (let k = 0; k <= RIM; k++) {
+      const a = 2 * Math.PI * k / RIM, r = unit(add(add(along, side, Math.tan(radius) * Math.cos(a)), up, Math.tan(radius) * Math.sin(a)));
+      out.push(add(eye, r, front ? dot(sub(this.monitor.at, eye), front) / dot(r, front) : far));
+    }
+    return out;
+  }
+}

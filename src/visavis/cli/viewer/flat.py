@@ -1,0 +1,174 @@
+"""Flat stimuli as a page holds them: where they stood and what they looked like at their onset,
+areas of interest on them, and the window after gaze.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.cli.recorded_trial import RecordedTrial
+from visavis.cli.viewer.bundle import Bundle
+from visavis.cli.viewer.models import Models
+from visavis.lab.geometry import Vector
+from visavis.protocol.plan.shown_scene import RecordedScene, of_part
+from visavis.stimuli.areas import (
+    FAR_M,
+    Area,
+    PictureAreas,
+    PlacedAreas,
+    SurroundingAreas,
+    areas_under,
+    read_areas_text,
+)
+from visavis.stimuli.dressing.flat import first_sheets, monitor_of
+from visavis.stimuli.picture import Picture, Sheet
+from visavis.stimuli.room_areas import RoomAreas
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.flat import FlatScene
+from visavis.stimuli.surfaces import RayEnds, Surfaces
+from visavis.study.scenes import FLAT
+
+ELLIPSE_EVERY: Final = 8
+"""Of the many corners of an ellipse a page has every eighth."""
+
+
+@dataclass(frozen=True, eq=False)
+class Showing:
+    """Flat stimuli that were shown, and their areas of interest."""
+
+    scene: FlatScene
+    areas: tuple[PictureAreas, ...]
+
+
+def onsets_ns(trial: RecordedTrial) -> list[int]:
+    """Return when something else came to be shown in a trial in which flat stimuli were, by its
+    frames; nothing of others.
+    """
+    payloads = trial.recording.events_named("scene", trial.part)["payload"]
+    flat_scenes = [p["scene"] for p in payloads if p["scene_name"] == FLAT]
+    if not flat_scenes:
+        return []
+    # What is drawn in a frame is on display by the next: its row says what that was.
+    rows = of_part(trial.recording, "scene_states", trial.part)["scene"]
+    scene = rows[np.clip(trial.frames["scene_row"][1:], 0, len(rows) - 1)]
+    t_ns = trial.frames["t_host_ns"][: len(scene)]
+    start_ns, end_ns = trial.span_ns
+    inside = (start_ns < t_ns) & (t_ns <= end_ns)
+    if not np.isin(scene[inside], flat_scenes).any():
+        return []
+    changes = np.diff(scene, prepend=scene[:1]) != 0
+    return [int(t) for t in t_ns[inside & changes]]
+
+
+def showing_of(view: SceneFrame, record: RecordedScene) -> Showing | None:
+    """Return the flat stimuli of a frame; None where it shows none."""
+    scene = view.scene
+    if not isinstance(scene, FlatScene):
+        return None
+
+    def showing() -> Showing:
+        text = str((record.with_onset("shown") or {}).get("areas", "[]"))
+        areas = [one for one in read_areas_text(text) if not isinstance(one, RoomAreas)]
+        return Showing(scene, tuple(_turning(one, scene) for one in areas))
+
+    return record.once(("showing", scene), showing)
+
+
+def _turning(one: PictureAreas, scene: FlatScene) -> PictureAreas:
+    return replace(one, turns=scene.turns) if isinstance(one, SurroundingAreas) else one
+
+
+def flat_ends(
+    surfaces: Surfaces,
+    picture: Picture,
+    showing: Showing,
+    origin_m: Vector,
+    direction: Vector,
+    t_ns: npt.NDArray[np.int64],
+) -> RayEnds:
+    """Return where rays (n, 3) of unit direction end at times (n,) on flat stimuli or beside them:
+    on their areas of interest by name, on the "stimulus", the "screen" or the "panorama".
+    """
+    ends, monitor = surfaces.ends(picture, origin_m, direction), monitor_of(showing.scene)
+    far_m, behind = ends.distance_m, "" if showing.scene.panorama is None else "panorama"
+    if monitor is not None:
+        behind, with_monitor = behind or "screen", replace(picture, sheets=(monitor,))
+        behind_m = surfaces.ends(with_monitor, origin_m, direction).distance_m
+    else:
+        behind_m = np.full(len(far_m), FAR_M if behind else np.inf)
+    is_beside = np.isinf(far_m)
+    far_m = np.where(is_beside, behind_m, far_m)
+    names = [area.name for one in showing.areas for area in one.areas]
+    under = areas_under(showing.areas, names, origin_m, direction, t_ns=t_ns)
+    on = np.where(is_beside & np.isfinite(far_m), behind, ends.name)
+    return RayEnds(far_m, np.where(under < 0, on, np.array([*names, ""], dtype=object)[under]))
+
+
+def flat_content(
+    showing: Showing,
+    t_ns: Sequence[int],
+    pictures: Sequence[Picture],
+    models: Models,
+    bundle: Bundle,
+) -> dict[str, Any]:
+    """Return what a page says of flat stimuli that were shown at times, in these pictures."""
+    scene, first = showing.scene, pictures[0]
+    monitor, (_, sheets) = monitor_of(scene), first_sheets(scene)
+    content: dict[str, Any] = {
+        "sheets": [_sheet(s, models) for s in (*filter(None, [monitor]), *sheets)],
+        "areas": list(_areas(showing, t_ns, bundle)),
+        "moves": scene.moves,
+    }
+    if scene.surface.screen is not None:
+        content["eye"] = scene.surface.screen.place.position_m.tolist()
+    if first.veil is not None:
+        window = first.veil.window
+        content["window"] = {"deg": window.window_deg, "isAround": window.is_around}
+    if first.surround is not None:
+        turns = [p.surround.orientation_wxyz for p in pictures if p.surround is not None]
+        number = models.flat(first.surround.eyes[0], "around")
+        content["around"] = {"picture": number, "turns": _course(bundle, turns)}
+    return content
+
+
+def _sheet(sheet: Sheet, models: Models) -> dict[str, Any]:
+    return {
+        "at": sheet.pose.position_m.tolist(),
+        "turn": sheet.pose.orientation_wxyz.tolist(),
+        "size": list(sheet.size_m),
+        "picture": models.flat(sheet.pixels),
+    }
+
+
+def _areas(showing: Showing, t_ns: Sequence[int], bundle: Bundle) -> Iterator[dict[str, Any]]:
+    """Yield each area's name and corners (times, corners, 3) in world, one time where it stands
+    still; NaN while it is not there. A painted one has its middle alone.
+    """
+    for one in showing.areas:
+        for k, area in enumerate(one.areas):
+            is_still = isinstance(one, PlacedAreas) and not area.keys
+            missing = np.full(_corners_m(one, area.first(), t_ns[0]).shape, np.nan)
+            course = [
+                missing if now is None else _corners_m(one, now, t)
+                for t in (t_ns[:1] if is_still else t_ns)
+                for now in [one.areas_now(t)[k]]
+            ]
+            yield {"name": area.name, "corners": _course(bundle, course)}
+
+
+def _corners_m(one: PictureAreas, area: Area, t_ns: int) -> Vector:
+    corners = area.corners()[:: ELLIPSE_EVERY if area.is_ellipse else 1]
+    places = corners.tolist() or [area.middle()]
+    if isinstance(one, SurroundingAreas):
+        return np.array([one.place_m(x, y, one.turns.at(t_ns)) for x, y in places])
+    return np.array([one.place_m(x, y) for x, y in places])
+
+
+def _course(bundle: Bundle, values: Sequence[Vector]) -> dict[str, Any]:
+    """Take in what something is at each of several times; once where it stays the same."""
+    course = np.array(values, np.float32)
+    stays = np.array_equal(course, np.broadcast_to(course[:1], course.shape), equal_nan=True)
+    return bundle.add(course[:1] if stays else course)
