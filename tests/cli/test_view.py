@@ -138,6 +138,19 @@ def test_a_page_asks_nothing_of_a_network(page: Path) -> None:
     assert "src=" not in text
 
 
+def test_the_data_of_a_page_without_flat_stimuli_are_to_the_byte_those_where_none_are_looked_for(
+    page: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(content, "onsets_ns", lambda trial: [])
+    monkeypatch.setattr(content, "showing_of", lambda view, record: None)
+    recording = CachedRecording(next(page.parent.glob("simulated/duel/sub-*/ses-001")))
+    header, bundle = content.page_content(
+        opened("duel"), recording, list(content.trial_lengths_ns(recording))
+    )
+    assert f'id="data">{bundle.text(header)}<' in page.read_text(encoding="utf-8")
+    assert [] == [scene for scene in header["scenes"] if "flat" in scene]
+
+
 def test_a_page_that_is_there_is_not_replaced(page: Path) -> None:
     sessions = page.parent.glob("simulated/duel/sub-*/ses-001")
     done = CliRunner().invoke(app, ["view", str(next(sessions)), "-o", str(page)])

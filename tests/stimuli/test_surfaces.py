@@ -14,8 +14,9 @@ from visavis.stage.errors import StageError
 from visavis.stage.identity import IdentityBuffer
 from visavis.stimuli.characters.skinning import skin_vertices
 from visavis.stimuli.dressing.audience import audience_picture
+from visavis.stimuli.dressing.picture_of import NOBODY, NOWHERE
 from visavis.stimuli.motion.skeleton import forward
-from visavis.stimuli.picture import Panel, Picture
+from visavis.stimuli.picture import Panel, Picture, Sheet
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.audience import audience_scene
 from visavis.stimuli.surfaces import Surfaces
@@ -64,6 +65,18 @@ def test_a_ray_ends_on_the_board_before_the_wall_behind_it() -> None:
     assert pytest.approx(1.3, abs=1e-6) == ends.distance_m[0]
     assert "board" == ends.name[0]
     assert "board" != ends.name[1]
+
+
+def test_a_ray_ends_on_a_flat_stimulus() -> None:
+    pose = Pose(np.array([0.2, 1.2, -1.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+    sheet = Sheet(np.zeros((2, 4, 4), np.uint8), pose, (0.4, 0.2))
+    picture = Picture(0, NOWHERE, (), NOBODY, sheets=(sheet,))
+    towards = np.array([[0.39, 0.0, -1.3], [-0.01, 0.0, -1.3]])
+    towards[:, 1] = 1.2 - EYE_M[1]
+    far_m = np.linalg.norm(towards, axis=1)
+    ends = Surfaces().ends(picture, np.repeat(EYE_M[None], 2, axis=0), towards / far_m[:, None])
+    assert pytest.approx(far_m[0], abs=1e-6) == ends.distance_m[0]
+    assert ["stimulus", ""] == list(ends.name)
 
 
 def test_where_nothing_is_a_ray_ends_nowhere() -> None:

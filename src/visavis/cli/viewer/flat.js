@@ -33,10 +33,26 @@ class Flat {
 
   // What stands there at a sample (whole number) of the scene: areas of interest as {name, corners}.
   areasAt(k) {
-    return this.areas.map(({name, at}) => {
+    const areas = this.areas.map(({name, at}) => {
       const numbers = at(k);
       return {name, corners: Array.from({length: numbers.length / 3}, (_, c) => numbers.slice(3 * c, 3 * c + 3))};
     }).filter(area => !Number.isNaN(area.corners[0][0]));
+    return this.monitor && this.turnAt ? areas.map(area => this.throughMonitor(area)).filter(Boolean) : areas;
+  }
+
+  // An area as it was seen through the monitor, no farther than to its edges; null where nothing of it was.
+  throughMonitor({name, corners}) {
+    const {at, turn: [w, x, y, z], size: sizes} = this.monitor, places = corners.map(p => this.onMonitor(this.data.eye, sub(p, this.data.eye)));
+    if (places.some(p => !p)) return null;
+    const own = places.map(p => rotate([w, -x, -y, -z], sub(p, at)).map((v, a) => a < 2 ? Math.max(-sizes[a] / 2, Math.min(sizes[a] / 2, v)) : 0));
+    if ([0, 1].some(a => own.every(p => p[a] === own[0][a]))) return null;
+    return {name, corners: own.map(p => add(at, rotate(this.monitor.turn, p)))};
+  }
+
+  // Where a line from an eye meets the monitor's plane; null where it leads away from it.
+  onMonitor(eye, along) {
+    const front = rotate(this.monitor.turn, [0, 0, 1]), dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2], ahead = -dot(along, front);
+    return ahead > 1e-6 ? add(eye, along, dot(sub(eye, this.monitor.at), front) / ahead) : null;
   }
 
   // What is all around: behind a monitor as through a window, else wherever one looks.
@@ -55,11 +71,10 @@ class Flat {
   // The rim of the window around what is looked at from an eye: on the monitor, or on the stimuli in their distance.
   rim(eye, along) {
     const radius = this.data.window.deg / 2 * Math.PI / 180, side = unit(cross(along, [0, 1, 0])), up = cross(side, along), out = [];
-    const front = this.monitor && rotate(this.monitor.turn, [0, 0, 1]), dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     const far = size(sub(this.data.sheets[0]?.at || add(eye, along, 2), eye));
     for (let k = 0; k <= RIM; k++) {
       const a = 2 * Math.PI * k / RIM, r = unit(add(add(along, side, Math.tan(radius) * Math.cos(a)), up, Math.tan(radius) * Math.sin(a)));
-      out.push(add(eye, r, front ? dot(sub(this.monitor.at, eye), front) / dot(r, front) : far));
+      out.push(this.monitor ? this.onMonitor(eye, r) : add(eye, r, far));
     }
     return out;
   }

@@ -45,6 +45,8 @@ class Viewer {
     this.saving = new Saving(this);
     this.listen();
     this.startView();
+    // Where there is no place but stimuli, what they saw is what one looks for.
+    if (header.scenes.some(s => s.flat) && !content.header.rooms.some(room => room.lamps.length)) this.setCamera('eyes');
     this.line.tip = (text, x, y) => this.tip(text, x, y);
     const options = new URLSearchParams(location.hash.slice(1));
     if (options.get('t')) this.seek(Number(options.get('t')));
@@ -355,7 +357,7 @@ class Viewer {
       if (isHit || agents.length <= MANY || r > 14 * ratio) named.push({text: inWords(agent.place || agent.id), x: p[0], y: p[1] - r - 8 * ratio, colour: isHit ? GAZE : '#ddd', far: isHit ? 0 : p[2]});
     });
     this.outlines = this.show.areas && scene?.flat ? scene.flat.areasAt(scene.row(t)) : [];
-    for (const area of this.outlines) this.drawArea(g, area, at, ratio, this.seen.length === 1 && gaze?.valid && gaze.on === area.name, named);
+    for (const area of this.outlines) this.drawArea(g, area, at, ratio, this.seen.length === 1 && gaze?.valid && gaze.on === area.name, named, width, height);
     if (this.show.gaze && scene?.flat?.data.window) this.drawWindow(g, scene.flat, at, ratio);
     if (this.show.path) for (const one of this.seen) this.drawPath(g, one, at, ratio);
     for (const one of this.seen) if (trial) this.drawFixations(g, one, one.trialAt(t) || trial, at, scale, ratio, labels);
@@ -388,9 +390,9 @@ class Viewer {
   }
 
   // An area of interest on a picture; of a painted one its name alone.
-  drawArea(g, area, at, ratio, isHit, named) {
+  drawArea(g, area, at, ratio, isHit, named, width, height) {
     const corners = area.corners.map(at);
-    if (corners.some(p => !p)) return;
+    if (corners.some(p => !p) || corners.every(p => p[0] < 0 || p[0] > width || p[1] < 0 || p[1] > height)) return;
     this.outline(g, [...corners, corners[0]], isHit ? GAZE : '#d8d8d8', (isHit ? 2.5 : 1) * ratio, ratio);
     const top = corners.reduce((a, b) => b[1] < a[1] ? b : a);
     named.push({text: inWords(area.name), x: corners.reduce((s, p) => s + p[0], 0) / corners.length, y: top[1] - 8 * ratio, colour: isHit ? GAZE : '#ddd', far: isHit ? 0 : top[2]});
@@ -401,7 +403,7 @@ class Viewer {
   drawWindow(g, flat, at, ratio) {
     const read = name => this.streams.at('gaze_window', name, this.t, 0.1), valid = read('valid');
     if (!valid || !(valid[0] > 0.5)) return;
-    const rim = flat.rim(read('origin_world_m'), unit(read('direction_world'))).map(at);
+    const rim = flat.rim(read('origin_world_m'), unit(read('direction_world'))).map(p => p && at(p));
     if (rim.every(Boolean)) this.outline(g, rim, WINDOW, 2 * ratio, ratio);
   }
 
@@ -765,7 +767,7 @@ class Viewer {
     const flats = this.header.scenes.map(s => s.flat).filter(Boolean);
     const lines = [...this.streams.has('gaze_targets') ? [[GAZE, 'gaze: where it ends on what is drawn; area it is on'], ['#d8d8d8', 'area of interest'], ['#78dcff', 'path of gaze, 2 s']] : [],
       ...this.header.trials.some(t => t.shown && this.session.walked(t).length) ? [[GAZE, 'walked path, on the floor: what is to come is faint']] : [],
-      ...flats.some(f => f.window) ? [[WINDOW, `window after gaze: what was ${[...new Set(flats.filter(f => f.window).map(f => f.window.isAround ? 'inside' : 'outside'))].join(' or ')} was covered`]] : [],
+      ...flats.some(f => f.window) ? [[WINDOW, `window after gaze: ${[...new Set(flats.filter(f => f.window).map(f => f.window.isAround ? 'all but it was seen' : 'it alone was seen'))].join(', or ')}`]] : [],
       ...flats.some(f => f.moves) ? [['#8a8f98', 'moving dots and films: as they were at first']] : [],
       ...this.header.lanes.some(l => l.kind === 'contact') ? [[LANE_COLOURS.contact, 'contact']] : [], ...this.header.lanes.some(l => l.kind !== 'contact') ? [[LANE_COLOURS.vibration, 'vibration']] : [],
       [STATUS.complete, 'trial: complete'], [STATUS.damaged, 'trial: damaged'], [STATUS.interrupted, 'trial: interrupted, aborted or repeated'], [PRACTICE, 'trial: practice']];
@@ -795,14 +797,14 @@ class Viewer {
     const touch = (this.touches || []).find(c => Math.hypot(c.x - x, c.y - y) < NEAR_PX / 2);
     if (touch) return touch;
     const area = this.outlines.findLast(one => one.path && isWithin(one.path, x, y));
-    if (area) return this.lookedAt({kind: 'thing', name: area.name});
+    if (area) return this.tipOf({kind: 'thing', name: area.name});
     const view = this.view(scene, width, height);
     const along = unit(rotate(view.turn, [(2 * x / width - 1) * view.top * view.aspect, (1 - 2 * y / height) * view.top, -1]));
     const key = metBy(scene, this.content.header, view.at, along);
-    return key && this.lookedAt(key);
+    return key && this.tipOf(key);
   }
 
-  lookedAt(key) {
+  tipOf(key) {
     const m = this.session.measures(key, this.trialAt(this.t));
     return {key, text: inWords(key.name) + (m ? m.dwell > 0 ? `: looked at for ${m.dwell.toFixed(2)} s` : ': not looked at' : '')};
   }

@@ -1,0 +1,295 @@
+"""Flat stimuli on the page that shows a session again: their places, areas, gaze, the window."""
+
+import base64
+import io
+import json
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image as Files
+
+from tests.cli.viewer_tab import viewer_tab
+from visavis.analysis.gaze.aoi import LOST, NONE
+from visavis.analysis.gaze.targets import GazeTargets
+from visavis.cli.recorded_trial import recorded_trial
+from visavis.cli.viewer.bundle import Bundle
+from visavis.cli.viewer.content import page_content, trial_lengths_ns
+from visavis.cli.viewer.flat import Showing, flat_content
+from visavis.cli.viewer.models import Models
+from visavis.cli.viewer.page import page_of
+from visavis.lab.config import load_config
+from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
+from visavis.lab.geometry import Pose, rotate
+from visavis.recording.cached import CachedRecording
+from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
+from visavis.stimuli.areas import Area, KeyFrame, PlacedAreas
+from visavis.stimuli.dressing.flat import monitor_of, place_of
+from visavis.stimuli.dressing.picture_of import NOBODY, NOWHERE
+from visavis.stimuli.flat import Dots, Shape
+from visavis.stimuli.picture import Picture
+from visavis.stimuli.scenes.flat import FlatScene
+from visavis.study.area_measures import gaze_by_area
+from visavis.study.measures import TrialRecord
+
+STUDY = """
+from visavis import Compare, Dots, Factor, Image, Shape, Study, Text, looks_at
+
+study = Study("flat", "S", factors=[Factor("seen", ["gaze", "around gaze"])], calibrate=False,
+              measures=[*looks_at("door")], compare=[Compare("door_dwell_ms", within="seen")])
+
+@study.trial
+def trial(t):
+    yield t.show(Shape("rectangle", 8, colour="red", at_deg=(-4, 2)), 0.23, background="white",
+                 name="square")
+    yield t.show([Image("room.png", 20, areas="room.yaml"), Text("ä", at_deg=(9, 0))], 1.5)
+    yield t.show(Image("room.png", 20, areas="room.yaml"), 0.5, reveal=t.seen, window_deg=5,
+                 background="grey", name="covered")
+    yield t.show(Dots(0.5, 90), 0.2, name="dots")
+"""
+WIDE_PX, HIGH_PX = 800, 600
+FRAME_NS = 20_000_000
+"""Longer than a frame, by which a stimulus comes later to the page's pictures than to its row."""
+SIDES = {"screen": SCREEN_EXAMPLE, "headset": EXAMPLE}
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A session, and its page: header and arrays."""
+
+    study: OpenedStudy
+    recording: CachedRecording
+    header: dict[str, Any]
+    arrays: bytes
+    page: Path
+
+    def array(self, ref: dict[str, Any]) -> np.ndarray[Any, Any]:
+        """Return an array of the page; on it columns stand one after the other."""
+        rows, *shape = ref["s"]
+        count = int(np.prod(ref["s"]))
+        flat = np.frombuffer(self.arrays, "<" + ref["d"], count, ref["o"])
+        return flat.reshape(-1, rows).T.reshape(rows, *shape)
+
+    def picture(self, number: int) -> np.ndarray[Any, Any]:
+        """Return a small picture of the page with its opacity."""
+        content = self.array(self.header["textures"][number]["file"]).tobytes()
+        return np.asarray(Files.open(io.BytesIO(content)).convert("RGBA"))
+
+    def scene(self, row: Any, name: str) -> dict[str, Any]:
+        """Return the scene of the page in the middle of what a trial showed under a name."""
+        middle_s = self.second(row[f"{name}_on_ns"]) / 2 + self.second(row[f"{name}_off_ns"]) / 2
+        scenes = self.header["scenes"]
+        return next(scene for scene in scenes if scene["t0"] <= middle_s < scene["t1"])
+
+    def second(self, t_ns: float) -> float:
+        """Return the second on the page of a time of the session."""
+        (part,) = self.header["parts"]
+        return float(part["t0"] + (t_ns - part["started_ns"]) / 1e9)
+
+
+@pytest.fixture(scope="module", params=SIDES)
+def shown(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Shown:
+    folder = tmp_path_factory.mktemp("flat")
+    (folder / "flat.py").write_text(STUDY, "utf-8")
+    (folder / "room.yaml").write_text(
+        "door: {rectangle: [0, 0, 200, 600]}\nlamp: {ellipse: [600, 300, 200, 300]}\n", "utf-8"
+    )
+    Files.new("RGB", (WIDE_PX, HIGH_PX), (0, 200, 0)).save(folder / "room.png")
+    study = find_study(str(folder / "flat.py"))
+    config = load_config(SIDES[request.param]).model_copy(
+        update={"data_root": folder / "data", "key_root": folder / "keys"}
+    )
+    asked = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    recording = CachedRecording(perform_new(asked))
+    header, bundle = page_content(study, recording, list(trial_lengths_ns(recording)))
+    raw = zlib.decompress(base64.b64decode(bundle.text(header)))
+    begin = 8 + int.from_bytes(raw[:8], "little")
+    (folder / "flat.html").write_text(page_of(header, bundle), "utf-8")
+    return Shown(study, recording, json.loads(raw[8:begin]), raw[begin:], folder / "flat.html")
+
+
+def corners_m(at: Any, turn: Any, size: Any) -> np.ndarray[Any, Any]:
+    half = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
+    return np.array(at) + rotate(np.array(turn), half * [*size, 0.0])
+
+
+@pytest.mark.parametrize("name", ["square", "stimulus", "covered", "dots"])
+def test_a_stimulus_stands_on_the_page_where_it_was_staged(shown: Shown, name: str) -> None:
+    for _, row in shown.recording.trials().iterrows():
+        trial = recorded_trial(shown.recording, str(row["trial_id"]))
+        moment = trial.shown_at(int(row[f"{name}_on_ns"] + row[f"{name}_off_ns"]) // 2)
+        scene = next(iter(shown.study.views_of(moment))).scene
+        assert isinstance(scene, FlatScene)
+        monitor, flat = monitor_of(scene), shown.scene(row, name)["flat"]
+        places = [place_of(item, scene)[:2] for item in scene.items]
+        wanted = [(monitor.pose, monitor.size_m), *places] if monitor is not None else places
+        assert len(wanted) == len(flat["sheets"])
+        for (pose, size_m), sheet in zip(wanted, flat["sheets"], strict=True):
+            staged = corners_m(pose.position_m, pose.orientation_wxyz, size_m)
+            assert np.array_equal(staged, corners_m(sheet["at"], sheet["turn"], sheet["size"]))
+        assert flat["moves"] is (name == "dots")
+        assert ("window" in flat) is (name == "covered")
+        if name == "covered":
+            wanted_window = {"deg": 5, "isAround": row["seen"] == "around gaze"}
+            assert wanted_window == flat["window"]
+
+
+def test_stimuli_are_there_from_the_frame_of_their_onset_to_that_of_their_end(
+    shown: Shown,
+) -> None:
+    frame_s = float(np.median(np.diff(shown.recording.stream_arrays("frames")["t_host_ns"]))) / 1e9
+    for _, row in shown.recording.trials().iterrows():
+        for name in ("square", "stimulus", "covered"):
+            scene = shown.scene(row, name)
+            assert abs(scene["t0"] - shown.second(row[f"{name}_on_ns"])) < 1.1 * frame_s
+            assert abs(scene["t1"] - shown.second(row[f"{name}_off_ns"])) < 1.1 * frame_s
+    for scene, after in zip(shown.header["scenes"], shown.header["scenes"][1:], strict=False):
+        assert scene["t1"] == after["t0"] or scene["trial"] != after["trial"]
+
+
+def test_each_picture_is_there_once_small_and_in_its_colours(shown: Shown) -> None:
+    rows = [row for _, row in shown.recording.trials().iterrows()]
+    numbers = {shown.scene(row, "square")["flat"]["sheets"][-1]["picture"] for row in rows}
+    numbers |= {shown.scene(row, "stimulus")["flat"]["sheets"][-2]["picture"] for row in rows}
+    red, green = sorted(numbers)
+    assert (shown.picture(red) == [255, 0, 0, 255]).all()
+    assert (shown.picture(green) == [0, 200, 0, 255]).all()
+    pictures = [n for n, t in enumerate(shown.header["textures"]) if t.get("flat")]
+    contents = Counter(shown.picture(n).tobytes() for n in pictures)
+    assert {1} == set(contents.values())
+    assert max(max(shown.picture(n).shape) for n in pictures) <= 512
+
+
+def test_gaze_is_on_the_areas_on_which_it_is_measured(shown: Shown) -> None:
+    found: Counter[str] = Counter()
+    targets = GazeTargets.from_columns(shown.recording.stream_arrays("gaze_targets"))
+    for (_, row), ends in zip(
+        shown.recording.trials().iterrows(), shown.header["gazeEnds"], strict=True
+    ):
+        measured = gaze_by_area(
+            TrialRecord({str(k): v for k, v in row.items()}, shown.recording, targets),
+            "stimulus",
+            0.0,
+        )
+        assert measured is not None
+        t_s = np.cumsum(shown.array(ends["t"])) / 1e6
+        on = dict(zip(np.rint(1e5 * t_s).astype(int), shown.array(ends["on"]), strict=True))
+        inside_ns = range(measured.window[0] + FRAME_NS, measured.window[1] - FRAME_NS)
+        for t_ns, area in zip(measured.samples.t_ns, measured.area, strict=True):
+            key = int(np.rint(1e5 * shown.second(int(t_ns))))
+            if area != LOST and key in on and int(t_ns) in inside_ns:
+                name = ends["names"][on[key]]
+                found[name] += 1
+                wanted = None if area == NONE else measured.names[area]
+                assert wanted == (name if name in measured.names else None), (t_ns, name)
+    assert {"door", "lamp"} & set(found)
+    assert 100 < found.total()
+
+
+def test_gaze_ends_on_what_stands_there(shown: Shown) -> None:
+    for ends in shown.header["gazeEnds"]:
+        assert {"stimulus", "door", "lamp"} & set(ends["names"])
+        assert set(ends["names"]) <= {"", "stimulus", "screen", "door", "lamp"}
+        assert ("screen" in ends["names"]) <= any(
+            "eye" in s["flat"] for s in shown.header["scenes"]
+        )
+
+
+def test_an_area_that_moves_is_where_it_is_and_one_that_is_gone_nowhere() -> None:
+    pose = Pose(np.array([0.0, 1.0, -2.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+    square = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0))
+    later = tuple((x + 40.0, y) for x, y in square)
+    moving = Area("ball", keys=(KeyFrame(0.0, square), KeyFrame(1.0, later)))
+    areas = (moving, Area("still", square))
+    sheet = PlacedAreas(pose, (1.0, 1.0), (100, 100), areas, end_s=3.0)
+    scene = FlatScene("flat", (), items=(Dots(seed=1), Shape("cross")))
+    bundle, nothing = Bundle(), Picture(0, NOWHERE, (), NOBODY)
+    flat = flat_content(
+        Showing(scene, (sheet,)),
+        [0, 500_000_000, 2_000_000_000],
+        [nothing] * 3,
+        Models(bundle, level=1),
+        bundle,
+    )
+    raw = zlib.decompress(base64.b64decode(bundle.text({})))
+    shown = Shown(None, None, {}, raw[16:], Path())  # type: ignore[arg-type]
+    ball, still = (shown.array(area["corners"]) for area in flat["areas"])
+    assert np.allclose([[-0.5, 1.5, -2.0], [-0.3, 1.5, -2.0]], ball[:2, 0])
+    assert np.isnan(ball[2]).all()
+    assert (1, 3, 3) == still.shape
+
+
+@pytest.fixture(scope="module")
+def tab(shown: Shown) -> Iterator[Any]:
+    with viewer_tab(shown.page, 1000, 700) as (window, problems):
+        yield window
+    assert [] == problems
+
+
+COLOUR = """([t, x, y]) => { viewer.setCamera('eyes'); viewer.show.gaze = false; viewer.seek(t);
+    viewer.draw(); const s = viewer.sceneAt(t).data.flat.sheets.at(-1), gl = viewer.drawing.gl,
+        w = gl.drawingBufferWidth, h = gl.drawingBufferHeight, p = new Uint8Array(4),
+        at = add(s.at, rotate(s.turn, [x * s.size[0], y * s.size[1], 0])),
+        q = viewer.project(viewer.view(viewer.sceneAt(t), w, h), at, w, h);
+    gl.readPixels(Math.floor(q[0]), Math.floor(h - q[1]), 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, p);
+    viewer.show.gaze = true; return [...p]; }"""
+"""The colour on the canvas of a place on the stimulus in front, in parts of its size."""
+
+
+def test_a_browser_draws_a_stimulus_in_its_colour_at_its_place(tab: Any, shown: Shown) -> None:
+    row = shown.recording.trials().iloc[0]
+    t_s = shown.scene(row, "square")["t0"] + 0.1
+    for x, y in ((0.0, 0.0), (-0.45, 0.45), (0.45, -0.45)):
+        assert [255, 0, 0, 255] == tab.evaluate(COLOUR, [t_s, x, y])
+    assert [255, 255, 255, 255] == tab.evaluate(COLOUR, [t_s, 0.6, 0.0])
+    t_s = shown.scene(row, "covered")["t0"] + 0.2
+    assert [0, 200, 0, 255] == tab.evaluate(COLOUR, [t_s, 0.4, 0.4])
+    assert [128, 128, 128, 255] == tab.evaluate(COLOUR, [t_s, 0.0, 0.55])
+
+
+def test_areas_are_outlined_where_asked_and_a_click_says_how_long_they_were_looked_at(
+    tab: Any, shown: Shown
+) -> None:
+    row = shown.recording.trials().iloc[0]
+    t_s = shown.scene(row, "stimulus")["t0"] + 0.5
+    names, tip, about = tab.evaluate(
+        """t => { viewer.setCamera('eyes'); viewer.seek(t); viewer.draw();
+        const door = viewer.outlines[0], middle = [0, 1].map(a => door.path.reduce((s, p) =>
+            s + p[a], 0) / door.path.length), tip = viewer.under(...middle).text;
+        viewer.click(...middle);
+        return [viewer.outlines.map(o => o.name), tip, viewer.about.name]; }""",
+        t_s,
+    )
+    assert (["door", "lamp"], "door") == (names, about)
+    assert tip.startswith("door: ")
+    tab.keyboard.press("o")
+    assert [] == tab.evaluate("(viewer.draw(), viewer.outlines)")
+    tab.keyboard.press("o")
+
+
+def test_the_window_is_a_circle_of_its_width_around_what_is_looked_at(
+    tab: Any, shown: Shown
+) -> None:
+    windows = shown.recording.stream_arrays("gaze_window")
+    row = shown.recording.trials().iloc[0]
+    inside = (windows["t_host_ns"] > row["covered_on_ns"] + 50_000_000) & windows["valid"]
+    k = int(np.flatnonzero(inside)[0])
+    eye, along, rim = tab.evaluate(
+        """t => { viewer.seek(t); viewer.draw(); const read = n => viewer.streams.at('gaze_window',
+        n, t, 0.1), eye = read('origin_world_m'), along = read('direction_world');
+        return [eye, along, viewer.sceneAt(t).flat.rim(eye, unit(along))]; }""",
+        shown.second(int(windows["t_host_ns"][k])) + 1e-4,
+    )
+    assert np.allclose(windows["direction_world"][k], along, atol=1e-3)
+    rays = np.array(rim) - eye
+    cosines = rays @ along / np.linalg.norm(rays, axis=1) / np.linalg.norm(along)
+    assert np.allclose(2.5, np.degrees(np.arccos(cosines)), atol=1e-3)
+    assert "window after gaze" in tab.inner_text("#legend")
+    assert "as they were at first" in tab.inner_text("#legend")
