@@ -243,6 +243,7 @@ COLOUR = """([t, x, y]) => { viewer.setCamera('eyes'); viewer.show.gaze = false;
 """The colour on the canvas of a place on the stimulus in front, in parts of its size."""
 
 
+@pytest.mark.slow  # a browser
 def test_a_browser_draws_a_stimulus_in_its_colour_at_its_place(tab: Any, shown: Shown) -> None:
     row = shown.recording.trials().iloc[0]
     t_s = shown.scene(row, "square")["t0"] + 0.1
@@ -254,6 +255,7 @@ def test_a_browser_draws_a_stimulus_in_its_colour_at_its_place(tab: Any, shown: 
     assert [128, 128, 128, 255] == tab.evaluate(COLOUR, [t_s, 0.0, 0.55])
 
 
+@pytest.mark.slow  # a browser
 def test_areas_are_outlined_where_asked_and_a_click_says_how_long_they_were_looked_at(
     tab: Any, shown: Shown
 ) -> None:
@@ -274,6 +276,7 @@ def test_areas_are_outlined_where_asked_and_a_click_says_how_long_they_were_look
     tab.keyboard.press("o")
 
 
+@pytest.mark.slow  # a browser
 def test_the_window_is_a_circle_of_its_width_around_what_is_looked_at(
     tab: Any, shown: Shown
 ) -> None:
