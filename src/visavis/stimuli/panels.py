@@ -2,12 +2,13 @@
 
 import unicodedata
 from dataclasses import dataclass, replace
-from typing import Final
+from functools import lru_cache
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from visavis.lab.geometry import Pose, Vector, quat_conjugate, quat_from_yaw_pitch_deg, rotate
+from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg, rotate, rotate_one
 from visavis.lab.screen import PlacedScreen
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
@@ -33,6 +34,7 @@ X_HEIGHT_EM: Final = 0.52
 """Height of an x, and below it the usual width of a character, in sizes of the letters."""
 CHARACTER_EM: Final = 0.58
 LINE_EM: Final = 1.3
+Boxes: TypeAlias = tuple[tuple[float, float, float, float], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,21 +76,29 @@ def choice_boxes_01(panel: Panel) -> npt.NDArray[np.float64]:
 
     They fill their rows from left to right, the first row on top.
     """
-    n, rows = len(panel.choices), panel.rows
+    return np.array(_boxes_01_of(panel)).reshape(-1, 4)
+
+
+def _boxes_01_of(panel: Panel) -> Boxes:
+    below = BELOW_01 * (any(panel.ends) + bool(panel.hint))
+    return _boxes_01(len(panel.choices), panel.rows, *panel.size_m, below)
+
+
+@lru_cache(maxsize=100)
+def _boxes_01(n: int, rows: int, width: float, height: float, below: float) -> Boxes:
+    """Return the boxes of `n` choices on a board; rays ask for them in every frame."""
     columns = -(-n // rows) if n else 1
-    width, height = panel.size_m
     gap_x = MARGIN_01 * min(width, height) / width
     gap_y = MARGIN_01 * min(width, height) / height
     share = (1.0 - gap_x * (columns + 1)) / columns
     high = min(BUTTONS_01, (MAX_BUTTONS_01 - gap_y * (rows - 1)) / rows)
-    below = BELOW_01 * (any(panel.ends) + bool(panel.hint))
-    row, column = np.divmod(np.arange(n), columns)
-    boxes = np.empty((n, 4))
-    boxes[:, 0] = gap_x + column * (share + gap_x)
-    boxes[:, 2] = boxes[:, 0] + share
-    boxes[:, 3] = 1.0 - gap_y - below - (rows - 1 - row) * (high + gap_y)
-    boxes[:, 1] = boxes[:, 3] - high
-    return boxes
+    boxes = []
+    for number in range(n):
+        row, column = divmod(number, columns)
+        left = gap_x + column * (share + gap_x)
+        bottom = 1.0 - gap_y - below - (rows - 1 - row) * (high + gap_y)
+        boxes.append((left, bottom - high, left + share, bottom))
+    return tuple(boxes)
 
 
 def track_boxes_01(panel: Panel) -> npt.NDArray[np.float64]:
@@ -178,13 +188,16 @@ def place_met_01(panel: Panel, origin_m: Vector, direction: Vector) -> tuple[flo
 
     That is how far across and down the board, 0 to 1 on it; None where it never does.
     """
-    back = quat_conjugate(panel.pose.orientation_wxyz)
-    start = rotate(back, np.asarray(origin_m, np.float64) - panel.pose.position_m)
-    ray = rotate(back, np.asarray(direction, np.float64))
+    w, i, j, k = panel.pose.orientation_wxyz.tolist()
+    back = w, -i, -j, -k
+    from_board = zip(origin_m.tolist(), panel.pose.position_m.tolist(), strict=True)
+    start = rotate_one(back, [own - of_board for own, of_board in from_board])
+    ray = rotate_one(back, direction.tolist())
     if not (start[2] > 0.0 and ray[2] < 0.0):
         return None
-    x, y, _ = start - ray * (start[2] / ray[2])
-    return float(x / panel.size_m[0] + 0.5), float(0.5 - y / panel.size_m[1])
+    steps = start[2] / ray[2]
+    x, y = start[0] - ray[0] * steps, start[1] - ray[1] * steps
+    return x / panel.size_m[0] + 0.5, 0.5 - y / panel.size_m[1]
 
 
 def choice_met(
@@ -198,7 +211,7 @@ def choice_met(
     if place is None:
         return None
     across, down = place
-    for i, (left, top, right, bottom) in enumerate(choice_boxes_01(panel).tolist()):
+    for i, (left, top, right, bottom) in enumerate(_boxes_01_of(panel)):
         if left <= across <= right and top - beside_01 <= down <= bottom + beside_01:
             return i
     return None
