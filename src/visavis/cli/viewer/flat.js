@@ -22,6 +22,11 @@ void main() {
 #endif
 }`];
 
+// A monitor around and behind its lit area.
+function caseOf({at, turn, size: [wide, high]}) {
+  return {solid: 'box', model: modelMatrix(add(at, rotate(turn, [0, 0, 1]), -0.012), turn, [wide + 0.02, high + 0.02, 0.02]), paint: [0.1, 0.1, 0.11]};
+}
+
 class Flat {
   constructor(content, data) {
     Object.assign(this, {data, content});
@@ -44,9 +49,9 @@ class Flat {
   throughMonitor({name, corners}) {
     const {at, turn: [w, x, y, z], size: sizes} = this.monitor, places = corners.map(p => this.onMonitor(this.data.eye, sub(p, this.data.eye)));
     if (places.some(p => !p)) return null;
-    const own = places.map(p => rotate([w, -x, -y, -z], sub(p, at)).map((v, a) => a < 2 ? Math.max(-sizes[a] / 2, Math.min(sizes[a] / 2, v)) : 0));
-    if ([0, 1].some(a => own.every(p => p[a] === own[0][a]))) return null;
-    return {name, corners: own.map(p => add(at, rotate(this.monitor.turn, p)))};
+    const own = places.map(p => rotate([w, -x, -y, -z], sub(p, at))), within = (v, a) => Math.max(-sizes[a] / 2, Math.min(sizes[a] / 2, v));
+    if ([0, 1].some(a => own.every(p => p[a] > sizes[a] / 2) || own.every(p => p[a] < -sizes[a] / 2))) return null;
+    return {name, corners: own.map(p => add(at, rotate(this.monitor.turn, [within(p[0], 0), within(p[1], 1), 0])))};
   }
 
   // Where a line from an eye meets the monitor's plane; null where it leads away from it.

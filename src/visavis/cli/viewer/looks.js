@@ -15,7 +15,9 @@ class Session {
     this.paths = new Map();
     this.measured = new Map();
     this.lookSpans = null;
-    this.monitor = header.scenes.map(s => s.flat?.eye && s.flat.sheets[0]).find(Boolean) || null; // before which they sat
+    // Whether there were flat stimuli and no place beside them; and the monitor before which somebody sat then.
+    this.isFlat = header.scenes.some(s => s.flat) && !header.scenes.some(s => s.agents.length || s.moving?.length || content.header.rooms[s.room]?.lamps.length);
+    this.monitor = this.isFlat && header.scenes.map(s => s.flat?.eye && s.flat.sheets[0]).find(Boolean) || null;
   }
 
   sceneAt(t) {

@@ -45,8 +45,7 @@ class Viewer {
     this.saving = new Saving(this);
     this.listen();
     this.startView();
-    // Where there is no place but stimuli, what they saw is what one looks for.
-    if (header.scenes.some(s => s.flat) && !content.header.rooms.some(room => room.lamps.length)) this.setCamera('eyes');
+    if (this.session.isFlat) this.setCamera('eyes'); // what they saw is what one looks for
     this.line.tip = (text, x, y) => this.tip(text, x, y);
     const options = new URLSearchParams(location.hash.slice(1));
     if (options.get('t')) this.seek(Number(options.get('t')));
@@ -248,6 +247,7 @@ class Viewer {
       d.drawThings(scene.data.moving.map(m => ({mesh: m.mesh, model: modelMatrix(m.at, m.turn), glow: m.glow})), view.projection, room, light);
     }
     d.drawThings(this.bodyThings(scene), view.projection, null, 1);
+    if (this.session.monitor && this.show.room) d.drawThings([caseOf(this.session.monitor)], view.projection, null, 1);
     if (flat && this.show.room) flat.draw(d, view, scene.row(t));
     const step = this.pages.at(t);
     if (step) this.drawPage(step, width, height);
@@ -314,12 +314,10 @@ class Viewer {
       for (const [name, p] of Object.entries(at)) if (good(p) && name !== 'head' && (bare || isFelt(name)))
         out.push({solid: 'ball', model: modelMatrix(p, [1, 0, 0, 0], Array(3).fill(/hand/.test(name) ? 0.05 : 0.045)), paint: colour(name)});
     }
-    const monitor = this.session.monitor;
-    if (monitor && this.show.room) out.push({solid: 'box', model: modelMatrix(add(monitor.at, rotate(monitor.turn, [0, 0, 1]), -0.012), monitor.turn, [monitor.size[0] + 0.02, monitor.size[1] + 0.02, 0.02]), paint: [0.1, 0.1, 0.11]});
     if (head && outside) {
       const middle = add(head.at, rotate(head.turn, [0, 0.02, 0.09]));
       if (!isDressed || !this.show.body) out.push({solid: 'ball', model: modelMatrix(middle, head.turn, [0.078, 0.115, 0.095]), paint: [0.8, 0.72, 0.62]});
-      if (!monitor) out.push({solid: 'box', model: modelMatrix(add(head.at, rotate(head.turn, [0, 0, -0.02])), head.turn, [0.17, 0.09, 0.07]), paint: [0.12, 0.13, 0.15]});
+      if (!this.session.monitor) out.push({solid: 'box', model: modelMatrix(add(head.at, rotate(head.turn, [0, 0, -0.02])), head.turn, [0.17, 0.09, 0.07]), paint: [0.12, 0.13, 0.15]});
     }
     return out;
   }
