@@ -295,4 +295,4 @@ def test_the_window_is_a_circle_of_its_width_around_what_is_looked_at(
     cosines = rays @ along / np.linalg.norm(rays, axis=1) / np.linalg.norm(along)
     assert np.allclose(2.5, np.degrees(np.arccos(cosines)), atol=1e-3)
     assert "window after gaze" in tab.inner_text("#legend")
-    assert "as they were at first" in tab.inner_text("#legend")
+    assert "films: as at their onset" in tab.inner_text("#legend")

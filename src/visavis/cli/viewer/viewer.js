@@ -766,7 +766,7 @@ class Viewer {
     const lines = [...this.streams.has('gaze_targets') ? [[GAZE, 'gaze: where it ends on what is drawn; area it is on'], ['#d8d8d8', 'area of interest'], ['#78dcff', 'path of gaze, 2 s']] : [],
       ...this.header.trials.some(t => t.shown && this.session.walked(t).length) ? [[GAZE, 'walked path, on the floor: what is to come is faint']] : [],
       ...flats.some(f => f.window) ? [[WINDOW, `window after gaze: ${[...new Set(flats.filter(f => f.window).map(f => f.window.isAround ? 'all but it was seen' : 'it alone was seen'))].join(', or ')}`]] : [],
-      ...flats.some(f => f.moves) ? [['#8a8f98', 'moving dots and films: as they were at first']] : [],
+      ...flats.some(f => f.moves) ? [['#8a8f98', 'moving dots and films: as at their onset; areas of films move']] : [],
       ...this.header.lanes.some(l => l.kind === 'contact') ? [[LANE_COLOURS.contact, 'contact']] : [], ...this.header.lanes.some(l => l.kind !== 'contact') ? [[LANE_COLOURS.vibration, 'vibration']] : [],
       [STATUS.complete, 'trial: complete'], [STATUS.damaged, 'trial: damaged'], [STATUS.interrupted, 'trial: interrupted, aborted or repeated'], [PRACTICE, 'trial: practice']];
     const seen = new Set(this.header.trials.map(t => t.practice ? 'practice' : t.status));
