@@ -11,12 +11,13 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 from PIL import Image
 
 from visavis.lab.clock import StopWatch
@@ -46,6 +47,17 @@ study = Study("apart", factors=[Factor("place", [1, 2])], on="browser", uses=(),
 @study.trial
 def trial(t):
     yield t.ask(Rating("answer", 1, 9))
+"""
+BY_GAZE: Final = """
+from visavis import Factor, Image, Study
+
+study = Study("window", factors=[Factor("seen", ["gaze", "around gaze"])], order="fixed")
+
+
+@study.trial
+def trial(t):
+    desk = Image("examples/desks/full_1.png", width_deg=30, areas="examples/desks/full_1.yaml")
+    yield t.show(desk, 4, background="grey", reveal=t.seen, window_deg=8, edge_deg=1)
 """
 CONSENT: Final = """consent: I agree that my answers and movements are kept without my name.
 """
@@ -96,13 +108,24 @@ class EntryRecipe:
 
 
 @dataclass(frozen=True)
+class TrialsRecipe:
+    """Trials of a study before a monitor, each `at_s` after its begin, side by side."""
+
+    study: str
+    at_s: tuple[float, ...]
+    size_px: str = "640x400"
+
+
+@dataclass(frozen=True)
 class ByHand:
     """Why no command makes a picture, and how it was made."""
 
     how: str
 
 
-PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | EntryRecipe | ByHand]] = {
+PICTURES: Final[
+    Mapping[str, Recipe | FilmRecipe | TrialsRecipe | DeskRecipe | EntryRecipe | ByHand]
+] = {
     "stare_eyes.jpg": Recipe(("preview stare --trial 5 --png {file}",)),
     "crowd_eyes.jpg": Recipe(("preview crowd --trial 8 --at 3 --png {file}",)),
     "waving_eyes.jpg": Recipe(("preview waving --trial 16 --at 1.5 --png {file}",)),
@@ -119,6 +142,7 @@ PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | EntryRecipe | By
     "scan_paths.png": Recipe((PEOPLE, f"analyse {STUDY}"), "**/figures/scan_paths.png"),
     "gaze_moves.png": Recipe((PEOPLE, f"analyse {STUDY}"), "**/figures/gaze_moves.png"),
     "panorama.jpg": Recipe(("examples", "preview examples/around.py --png {file}")),
+    "gaze_window.jpg": TrialsRecipe(BY_GAZE, (1.0, 3.0)),
     "desk.jpg": DeskRecipe("stare"),
     "report.jpg": Recipe((PEOPLE, f"analyse {STUDY}"), "**/report.html", (1280, 800)),
     "viewer.jpg": Recipe(
@@ -211,6 +235,8 @@ def make(name: str, shop: Workshop, folder: Path = FOLDER) -> Path | None:
             image = _desk(recipe, shop)
         case EntryRecipe():
             image = _entry(recipe, shop)
+        case TrialsRecipe():
+            image = _trials(recipe, shop.folder / "monitor")
         case Recipe():
             image = _by_commands(name, recipe, shop)
     path = folder / name
@@ -308,9 +334,28 @@ def _moments(recipe: FilmRecipe) -> Image.Image:
     pictures, cameras = list(store.pictures(film)), store.cameras(film)
     width = round(recipe.height_px * film.size_px[0] / film.size_px[1] / 2) * 2
     size_px = (width, recipe.height_px)
-    gap = np.full((recipe.height_px, 8, 3), 255, np.uint8)
     with film_drawing() as draw:
-        tiles = [tile for k in frames for tile in (draw(pictures[k], cameras[k], size_px), gap)]
+        return _side_by_side([draw(pictures[k], cameras[k], size_px) for k in frames])
+
+
+def _trials(recipe: TrialsRecipe, folder: Path) -> Image.Image:
+    folder.mkdir()
+    (folder / "study.py").write_text(recipe.study, "utf-8")
+    monitor = Workshop(folder)
+    for command in ("init --screen", "examples"):
+        monitor.run(command)
+    pictures = []
+    for trial, at_s in enumerate(recipe.at_s, 1):
+        png = f"trial_{trial}.png"
+        how = f"--trial {trial} --at {at_s} --size {recipe.size_px}"
+        monitor.run(f"preview ./study.py {how} --png {png}")
+        pictures.append(np.asarray(Image.open(folder / png).convert("RGB")))
+    return _at_most(_side_by_side(pictures), 960)
+
+
+def _side_by_side(pictures: Sequence[npt.NDArray[np.uint8]]) -> Image.Image:
+    gap = np.full((len(pictures[0]), 8, 3), 255, np.uint8)
+    tiles = [tile for picture in pictures for tile in (picture, gap)]
     return Image.fromarray(np.hstack(tiles[:-1]))
 
 
