@@ -3,6 +3,7 @@
 from collections.abc import Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -196,6 +197,18 @@ def check_room(config: LabConfig, experiment: Experiment) -> None:
 def is_simulated(config: LabConfig) -> bool:
     """Tell whether any device of the configuration is simulated; then the session is."""
     return any(d.simulated for d in config.devices.values())
+
+
+def simulated_as_begun(config: LabConfig, begun: Mapping[str, Any]) -> LabConfig:
+    """Return a configuration whose devices are simulated where they were when a session began;
+    `begun` is what that session's manifest says of each role.
+    """
+    roles = {role for role, device in begun.items() if device.get("simulated")}
+    devices = {
+        role: device.model_copy(update={"simulated": True}) if role in roles else device
+        for role, device in config.devices.items()
+    }
+    return config.model_copy(update={"devices": devices})
 
 
 SHOWS_THAT_HEAR = ("screen", "window")
