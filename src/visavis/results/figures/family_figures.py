@@ -248,9 +248,9 @@ def _score_panels(analysis: StudyAnalysis, of: Correlate, measure: Measure) -> F
         x, y = np.asarray(scores[both], np.float64), np.asarray(values[both], np.float64)
         colour = COLOURS[j % len(COLOURS)]
         people = [str(p) for p in both]
-        dots(top, x, y, people, s=22, color=colour, alpha=0.8, linewidths=0)
+        dots(top, x, y, people, s=22, color=colour, alpha=0.8, mew=0)
         ranks = average_ranks(x), average_ranks(y)
-        dots(bottom, *ranks, people, s=22, color=colour, alpha=0.8, linewidths=0)
+        dots(bottom, *ranks, people, s=22, color=colour, alpha=0.8, mew=0)
         tests = analysis.correlations_of(of.family)
         correlation = next(c for c in tests if c.measure == measure and c.level == level)
         if correlation.outcome is not None:
