@@ -283,6 +283,8 @@ class _Frames:
         stretch: int,
     ) -> None:
         self._person, self._tracker, self._stretch = person, tracker, stretch
+        # Asked once: to look for a protocol's methods takes longer than a frame.
+        self._body = person if isinstance(person, MovingBody) else None
         self._batches: list[SampleBatch] = []
         schema = gaze_targets_schema(experiment.agent_count, TRACKER_HZ)
         targets = RowBuffer(
@@ -382,12 +384,11 @@ class _Frames:
 
     def _hand(self, t_ns: int) -> BodyView | None:
         """Return the hand that answers a board; None while no board is shown."""
-        if not (isinstance(self._view, PanelFrame) and self._view.panels):
-            return None
-        if not isinstance(self._person, MovingBody):
+        is_asked = isinstance(self._view, PanelFrame) and self._view.panels
+        if self._body is None or not is_asked:
             return None
         at_ns = np.array((t_ns,), np.int64)
-        return BodyView((HAND,), at_ns, *self._person.segments((HAND,), at_ns), _TRACKED)
+        return BodyView((HAND,), at_ns, *self._body.segments((HAND,), at_ns), _TRACKED)
 
     def _sample(self, until_ns: int) -> None:
         """Take the samples that have arrived by now."""
