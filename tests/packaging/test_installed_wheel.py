@@ -43,7 +43,8 @@ EVERY_VERB = [
     "simulate ./duel.py --participants 3 --output dry --set repetitions=1 --processes 1",
     "analyse dry/simulated/duel --processes 1",
     "report ./duel.py --processes 1",
-    "power ./duel.py --participants 4 --replicates 2 --fast --pool 5 --processes 1 -o power",
+    "power ./duel.py --participants 4 --replicates 2 --fast --pool 5 --set repetitions=1 "
+    "--processes 1 -o power",
     "replay ./duel.py --verify",
     "film ./duel.py --trial T01 -o trial.avi --seconds 0.2 --rate 5 --size 128x96",
     "view ./duel.py --trial T01 -o trial.html",

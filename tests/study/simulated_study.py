@@ -50,7 +50,12 @@ def _killed_once(study: OpenedStudy, *words: Any, **keywords: Any) -> Request:
 
 
 def killed_and_analysed(
-    name: str, monkeypatch: pytest.MonkeyPatch, folder: Path, *more: str, shows: str
+    name: str,
+    monkeypatch: pytest.MonkeyPatch,
+    folder: Path,
+    *more: str,
+    shows: str,
+    participants: int = 4,
 ) -> Path:
     """Take an example from plan, which `shows` something, to its report, with a session that is
     killed once; return the folder of the study. `more` are further words of `visavis init`.
@@ -60,7 +65,8 @@ def killed_and_analysed(
     invoked("examples")
     study = f"examples/{name}.py"
     assert shows in invoked("plan", study)
-    words = ["simulate", study, "--participants", "6", "--output", "out", "--processes=1"]
+    words = ["simulate", study, "--participants", str(participants)]
+    words += ["--output", "out", "--processes=1"]
     with monkeypatch.context() as patch:
         patch.setattr(visavis.running.sessions.simulation, "simulated_request", _killed_once)
         stopped = CliRunner().invoke(app, words)

@@ -11,7 +11,9 @@ from tests.study.simulated_study import killed_and_analysed
 def test_the_ready_panorama_goes_from_plan_to_report_and_on_after_a_kill(
     tmp_path, monkeypatch, display
 ):
-    folder = killed_and_analysed("around", monkeypatch, tmp_path, *display, shows="aside")
+    folder = killed_and_analysed(
+        "around", monkeypatch, tmp_path, *display, shows="aside", participants=6
+    )
     rows = pd.read_csv(folder / "derived" / "trials.csv")
     rows = rows[rows["status"] == "complete"]
     assert {2} == set(rows.groupby(["participant", "hangs"]).size())
