@@ -32,3 +32,7 @@ def test_a_turn_towards_a_direction_brings_what_is_ahead_there() -> None:
     ahead = np.array([0.0, 0.0, -1.0])
     for direction in (*unit(VECTORS), -ahead, ahead):
         np.testing.assert_allclose(rotate(turn_towards(direction), ahead), direction, atol=1e-7)
+
+
+def test_what_has_four_numbers_is_scaled_as_well() -> None:
+    assert unit(np.array([3.0, 0.0, 4.0, 0.0])).tolist() == [0.6, 0.0, 0.8, 0.0]

@@ -20,7 +20,7 @@ class Pose:
 
 def unit(v: Vector) -> Vector:
     """Scale vectors (..., 3) to length one; zero and non-finite vectors become NaN."""
-    if v.ndim == 1 and v.dtype == np.float64:  # as below, without the cost of arrays
+    if v.shape == (3,) and v.dtype == np.float64:  # as below, without the cost of arrays
         x, y, z = v.tolist()
         length_1 = math.sqrt(x * x + y * y + z * z)
         if 0.0 < length_1 < math.inf:
