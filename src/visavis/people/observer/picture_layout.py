@@ -31,6 +31,8 @@ class PictureLayout:
 
     _moving_sheets: Sequence[tuple[int, PlacedAreas]] = ()
     """Sheets of which some area moves, each with the place of its first area."""
+    names: Sequence[str] = ()
+    """Areas of its first targets; things of a room have none that a window could hide."""
 
     def __init__(
         self,
