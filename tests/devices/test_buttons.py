@@ -18,7 +18,8 @@ from visavis.devices.contracts import NO_DEVICE_TIME
 from visavis.devices.drivers.buttons.device import Press
 from visavis.devices.drivers.buttons.hid import HidButtonLink
 from visavis.devices.drivers.buttons.hid_reports import HAT_SIDES, ReportReader, layout_of
-from visavis.devices.drivers.buttons.keyboard import KEYS, KeyLink
+from visavis.devices.drivers.buttons.keyboard import KeyLink
+from visavis.devices.drivers.buttons.spec import KEYS
 from visavis.devices.drivers.buttons.xid import XidReader
 from visavis.devices.registry import OPTION_MODELS, driver_wiring
 from visavis.devices.sim.buttons.boxes import DESCRIPTOR

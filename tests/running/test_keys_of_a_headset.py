@@ -1,5 +1,6 @@
 """A key that the responses of a laboratory do not have is told before anybody takes part."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -68,3 +69,19 @@ def test_a_key_that_the_configuration_calls_otherwise_is_refused_with_its_name_t
     as_it_is = lab.devices["responses"].model_copy(update={"options": {"keys": {}}})
     own = lab.model_copy(update={"devices": {**lab.devices, "responses": as_it_is}})
     assert "responses" in devices_for(own, space).devices
+
+
+@pytest.mark.parametrize(
+    ("keys", "says"),
+    [
+        ('["F", "J"]', "the key 'F', which is no key of devices.responses; did you mean 'f'?"),
+        ('["f", "spacebar"]', "'spacebar', which is no key of devices.responses"),
+        ('["return"]', "'return', which is no key of devices.responses; "),
+    ],
+)
+def test_a_key_that_no_keyboard_has_is_refused_with_the_nearest(
+    tmp_path: Path, keys: str, says: str
+) -> None:
+    study = find_study(str(written(tmp_path, keys))).experiment({})
+    with pytest.raises(ConfigError, match=re.escape(says)):
+        devices_for(load_config(SCREEN_EXAMPLE), study)

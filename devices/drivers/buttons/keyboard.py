@@ -11,17 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from visavis.devices.byte_links import ByteLink, Chunk
 from visavis.devices.drivers.buttons.device import ButtonDevice, Press
-from visavis.devices.drivers.buttons.spec import KEYBOARD
+from visavis.devices.drivers.buttons.spec import KEYBOARD, KEYS
 from visavis.lab.clock import NS_PER_S, Clock
 
-KEYS = (
-    *"0123456789abcdefghijklmnopqrstuvwxyz",
-    *(f"f{n}" for n in range(1, 13)),
-    "space", "enter", "left", "right", "up", "down", "tab", "backspace", "escape",
-    "left_shift", "right_shift", "left_control", "right_control", "left_alt", "right_alt",
-    *"-=[];'`,./\\",
-)  # fmt: skip
-"""Names of keys: what they type without shift in the layout that is set, or what they are."""
 MAX_LINE = 64
 DOWN, UP = b"+", b"-"
 

@@ -1,6 +1,6 @@
 """What participants press, as Visavis knows it: options and descriptions."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -11,6 +11,14 @@ from visavis.devices.spec import Claims, DriverSpec, Product, Wire
 
 ButtonNames = Annotated[dict[str, str], Field(json_schema_extra={"any_magnitude": True})]
 """What studies call some of a device's buttons, by the device's own names."""
+KEYS = (
+    *"0123456789abcdefghijklmnopqrstuvwxyz",
+    *(f"f{n}" for n in range(1, 13)),
+    "space", "enter", "left", "right", "up", "down", "tab", "backspace", "escape",
+    "left_shift", "right_shift", "left_control", "right_control", "left_alt", "right_alt",
+    *"-=[];'`,./\\",
+)  # fmt: skip
+"""Names of keys: what they type without shift in the layout that is set, or what they are."""
 KEYBOARD_REMEDY = (
     "click into the participant's window: keys go to the window in front "
     "(display.show: screen or window)"
@@ -25,6 +33,8 @@ class ButtonOptions(SimulatedOptions):
 
 class KeyboardOptions(ButtonOptions):
     """Options of `keyboard`."""
+
+    buttons: ClassVar = KEYS
 
     keys: ButtonNames = Field(default_factory=lambda: {"space": "trigger", "enter": "select"})
 

@@ -2,7 +2,9 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Final
 
+import numpy as np
 from rich.table import Table
 
 from visavis.analysis.report.notation import count_of
@@ -10,10 +12,18 @@ from visavis.cli.app import console, verbatim
 from visavis.lab.config import LabConfig
 from visavis.lab.luminance import NO_LUMINANCES
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
+from visavis.stimuli.dressing.flat import box_px, size_deg
 from visavis.stimuli.flat import Dots, Grating, Shape
+from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
+from visavis.study.scenes import FLAT
 from visavis.study.texts import Texts, label_of
+
+MAX_WORDS: Final = 40
+"""Of a text that is named."""
+MAX_LINES: Final = 5
+"""About what a screen cannot show."""
 
 
 def luminance_words(lab: LabConfig, experiment: StudyExperiment) -> list[str]:
@@ -42,6 +52,35 @@ def luminance_words(lab: LabConfig, experiment: StudyExperiment) -> list[str]:
             "and are drawn with that"
         )
     return lines
+
+
+def screen_words(lab: LabConfig, experiment: StudyExperiment) -> list[str]:
+    """Return what of a study's stimuli a monitor cannot show: stripes finer than its pixels, and
+    what reaches beyond its edges.
+    """
+    screen, items = lab.display.on_screen, experiment.flats
+    if screen is None or not items:
+        return []
+    flat, lines = screen.flat, []
+    most_cycles = flat.width_px / np.degrees(flat.width_m / flat.distance_m) / 2
+    fine = sorted({i.cycles_per_deg for i in items if isinstance(i, Grating)})
+    too_fine = ", ".join(f"{cycles:g}" for cycles in fine if cycles > most_cycles)
+    if too_fine:
+        lines.append(
+            f"gratings of {too_fine} cycles a degree are finer than the pixels of this screen "
+            f"({most_cycles:.3g} at most) and look coarser than they are"
+        )
+    scene = FlatScene(FLAT, (), folder=experiment.settings.folder)
+    for item in items:
+        left, top, right, bottom = box_px(item.at_deg, size_deg(item, scene), flat)
+        if min(left, top) < 0 or right > flat.width_px or bottom > flat.height_px:
+            what = getattr(item, "text", "") or getattr(item, "file", "")
+            about = f"{type(item).__name__} {what[:MAX_WORDS]!r}" if what else type(item).__name__
+            lines.append(
+                f"{about} is {right - left} × {bottom - top} pixels large and reaches beyond the "
+                f"screen of {flat.width_px} × {flat.height_px}"
+            )
+    return lines[:MAX_LINES]
 
 
 def as_operators_read(session_plan: SessionPlan, study: Study) -> SessionPlan:

@@ -109,7 +109,7 @@ class Text:
 
     def __post_init__(self) -> None:
         _write_plain_numbers(self)
-        if not str(self.text).strip():
+        if self.text is None or not str(self.text).strip():
             raise DesignError("Text: there is nothing to read; give at least one letter")
         object.__setattr__(self, "text", str(self.text))
         _require_size(f"Text {self.text!r}", height_deg=self.height_deg)

@@ -33,7 +33,7 @@ from visavis.cli.doctor.station import station_findings
 from visavis.cli.lab_companion import LabCompanion
 from visavis.cli.notifier import counting, make_ready, prepare_pages
 from visavis.cli.operator_screen import TerminalOperator
-from visavis.cli.plan_sheet import as_operators_read, luminance_words, print_plan
+from visavis.cli.plan_sheet import as_operators_read, luminance_words, print_plan, screen_words
 from visavis.cli.questions import TerminalRespondent
 from visavis.cli.studies import StudyHere, require_session, study_here, study_of_lab
 from visavis.lab.clock import SimClock, SystemClock
@@ -161,11 +161,12 @@ def plan(
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
     here = study_here(study, lab)
     plan_inputs = plan_inputs_of(here, participant, seed, assignments, language)
-    light_lines: list[str] = []
+    lines_of_screen: list[str] = []
     if here.study.study.procedure.on == "lab":  # a page needs none of the lab's devices
         plan_inputs.experiment.check_at_devices()
         check_rig(devices_for(lab, plan_inputs.experiment))
-        light_lines = luminance_words(lab, plan_inputs.experiment)
+        lines_of_screen = luminance_words(lab, plan_inputs.experiment)
+        lines_of_screen += screen_words(lab, plan_inputs.experiment)
     else:
         film_store(plan_inputs.experiment)  # raises where no page can perform it
         require_roles_of_pages(plan_inputs.experiment)
@@ -177,7 +178,7 @@ def plan(
         say_json(asdict(session_plan))
     else:
         print_plan(session_plan, plan_inputs.label, plan_inputs.note, experiment)
-        for line in light_lines:
+        for line in lines_of_screen:
             console.print(f"[dim]{verbatim(line)}[/]", soft_wrap=True)
     if not as_json:
         for voice in plan_inputs.experiment.voices:

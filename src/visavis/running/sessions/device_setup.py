@@ -16,6 +16,7 @@ from visavis.lab.clock import Clock
 from visavis.lab.config import DeviceConfig, LabConfig, is_own_role
 from visavis.lab.errors import ConfigError, UsageError
 from visavis.lab.geometry import Pose
+from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.experiment import Experiment, demands_of, spare_roles_of
 from visavis.protocol.session.rig import Rig
 from visavis.study.experiment import StudyExperiment
@@ -161,21 +162,26 @@ def _check_keys(config: LabConfig, device: DeviceConfig, experiment: Experiment)
         return
     options = checked_device(device)[0]
     controls = tuple(getattr(options, "controls", None) or ())
+    buttons: Collection[str] = getattr(options, "buttons", ())
     names: Mapping[str, str] = getattr(options, "keys", {})
+    of_buttons = {names.get(button, button) for button in buttons} | set(names.values())
     keys = [r for r in experiment.responses.values() if isinstance(r, Keys)]
     for key in (str(option) for response in keys for option in response.options):
-        if names.get(key, key) != key and key not in names.values():
-            raise ConfigError(
-                f"{config.path}: {experiment.name} asks for the key {key!r}, which keys of "
-                f"devices.responses calls {names[key]!r}, so that no press would be {key!r}; ask "
-                f"for {names[key]!r}, or give devices.responses keys without {key!r}"
-            )
+        asks = f"{config.path}: {experiment.name} asks for the key {key!r}, which"
         if controls and key not in controls:
             raise ConfigError(
-                f"{config.path}: {experiment.name} asks for the key {key!r}, which is not one of "
-                f"{', '.join(controls)} of devices.responses; name this control in the "
-                "configuration (a driver that has it, such as keyboard), or ask for one of these"
+                f"{asks} is not one of {', '.join(controls)} of devices.responses; name this "
+                "control in the configuration (a driver that has it, such as keyboard), or ask for "
+                "one of these"
             )
+        if names.get(key, key) != key and key not in names.values():
+            raise ConfigError(
+                f"{asks} keys of devices.responses calls {names[key]!r}, so that no press would be "
+                f"{key!r}; ask for {names[key]!r}, or give devices.responses keys without {key!r}"
+            )
+        if buttons and key not in of_buttons:
+            near = did_you_mean(key.strip().lower() or "space", of_buttons)
+            raise ConfigError(f"{asks} is no key of devices.responses{near}")
 
 
 def check_room(config: LabConfig, experiment: Experiment) -> None:

@@ -1,0 +1,50 @@
+"""What a monitor cannot show of a study is said at plan."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from visavis.cli.main import app  # type: ignore[attr-defined]
+from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
+
+STUDY = """
+from visavis import Factor, Grating, Study, Text
+
+study = Study("fits", "S", factors=[Factor("a", [1, 2])], calibrate=False)
+
+@study.trial
+def trial(t):
+    yield t.show([Grating(6, CYCLES), Text("word " * COUNT, at_deg=(AT, 0))], 1)
+"""
+
+
+def planned(folder: Path, lab: Path, cycles: float, count: int, right_deg: float) -> str:
+    text = STUDY.replace("CYCLES", str(cycles)).replace("COUNT", str(count))
+    (folder / "fits.py").write_text(text.replace("AT", str(right_deg)), "utf-8")
+    (folder / "lab_config.yaml").write_text(lab.read_text("utf-8"), "utf-8")
+    words = ["plan", str(folder / "fits.py"), "--config", str(folder / "lab_config.yaml")]
+    return " ".join(CliRunner().invoke(app, words).output.split())
+
+
+@pytest.mark.parametrize(
+    ("cycles", "count", "right_deg", "says"),
+    [
+        (20.6, 1, 0, "gratings of 20.6 cycles a degree are finer than the pixels"),
+        (2, 60, 0, "Text 'word word word word word word word word ' is"),
+        (2, 1, 24, "pixels large and reaches beyond the screen of 1920 × 1080"),
+    ],
+)
+def test_what_a_screen_cannot_show_is_said(
+    tmp_path: Path, cycles: float, count: int, right_deg: float, says: str
+) -> None:
+    assert says in planned(tmp_path, SCREEN_EXAMPLE, cycles, count, right_deg)
+
+
+def test_nothing_is_said_of_what_fits_or_where_there_is_no_screen(tmp_path: Path) -> None:
+    both = "reaches beyond", "finer than"
+    fits = planned(tmp_path, SCREEN_EXAMPLE, 20.4, 1, 15)
+    headset = planned(tmp_path, EXAMPLE, 43, 60, 15)
+    assert [] == [words for words in both for said in (fits, headset) if words in said]
+    assert "2 trials in 1 block" in fits
+    assert "2 trials in 1 block" in headset
