@@ -149,12 +149,19 @@ def test_in_a_headset_a_stimulus_has_its_degrees_around_the_head():
     assert right - left == pytest.approx(px(2.0), rel=0.03)
 
 
+def moving(path):
+    first, *others = (Files.new("RGB", (8, 8), (90 * k, 0, 0)) for k in range(3))
+    first.save(path, save_all=True, append_images=others)
+
+
 @pytest.mark.parametrize(
     ("name", "save", "says"),
     [
         ("none.png", None, "there is no picture .*none.png"),
         ("text.png", lambda p: p.write_text("no picture"), "no picture that can be read"),
         ("print.jpg", lambda p: Files.new("CMYK", (4, 4)).save(p), "colours for print"),
+        ("moving.gif", lambda p: moving(p), "holds 3 pictures, which move; save one of them as"),
+        ("moving.webp", lambda p: moving(p), "holds 3 pictures, which move"),
         ("deep.png", lambda p: Files.new("I;16", (4, 4)).save(p), "more than 8 bits"),
     ],
 )

@@ -207,6 +207,8 @@ def test_areas_are_read_from_a_table_of_corners_and_from_a_painting(tmp_path):
         ("a.yaml", "a: {rectangle: [0, 0, 9, 9], salience: high}", "line 1: .* salience is 'high'"),
         ("a.yaml", "a: {rectangle: [0, 0, 9, 9], salience: 0}", "salience of a is 0; above 0"),
         ("a.yaml", "a: {mask: room_mask.png}", "line 1: area a: there is no colour ''"),
+        ("a.yaml", "a: {rectangle: [0, 0, 9, 9], turn_deg: 30}", "turn_deg goes with ellipse; le"),
+        ("a.yaml", "a: {rectangle: [0, 0, 9, 9], colour: red}", "colour goes with mask; leave it"),
         ("a.yaml", "a: {mask: none.png, colour: red}", "line 1: area a: there is no picture"),
         ("a.csv", "area,x\n", "no column 'y'"),
         ("a.csv", "area,x,y\na,0,0\na,1,q\n", "line 3: area a: could not convert"),

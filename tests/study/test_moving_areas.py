@@ -219,6 +219,10 @@ ON_THE_WAY = "area ball turns inside out or crosses itself on the way from 1 to 
         (f"[{{t_s: 1, {SQUARE}}}, {{t_s: 1{'0' * 400}, {SQUARE}}}]", "a number"),
         (f"[{{t_s: 1, {SQUARE}}}, {{t_s: 2}}]", "at 2 s one of polygon, rectangle, ellipse, gone"),
         (f"[{{t_s: 1, {SQUARE}}}, {{t_s: 2, mask: a.png}}]", "'mask'; known: ellipse, frame"),
+        (
+            f"[{{t_s: 1, {SQUARE}, turn_deg: 9}}, {{t_s: 2, {SQUARE}}}]",
+            "turn_deg goes with ellipse",
+        ),
         ("{t_s: 1}", "keys is a list of key frames"),
     ],
 )

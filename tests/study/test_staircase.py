@@ -14,7 +14,8 @@ from visavis.results.opened_study import find_study
 from visavis.running.new_study import READY
 from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.session_request import simulated_request
-from visavis.study.staircase import Staircase, StaircaseState, after, state_after
+from visavis.study.quest_plus import QuestPlus, QuestPlusTrial
+from visavis.study.staircase import Staircase, StaircaseState, StaircaseTrial, after, state_after
 
 UP_DOWN = Staircase("s", start=0.8, step=0.1)
 RULE = Staircase("contrast", start=0.3, step=0.4, is_ratio=True, low=0.002)
@@ -89,6 +90,17 @@ def test_a_planted_threshold_is_found_again_within_a_twentieth_in_forty_trials(t
 def test_a_staircase_that_cannot_work_is_refused(wrong):
     with pytest.raises(DesignError, match="staircase"):
         Staircase(**{"name": "s", "start": 0.5, "step": 0.1, **wrong})
+
+
+@pytest.mark.parametrize("heard", ["f", "no", 2, [True]])
+def test_a_staircase_hears_of_right_and_wrong_and_nothing_else(heard):
+    rules = Staircase("s", start=0.5, step=0.1), QuestPlus("s", [1, 2], [1, 2])
+    for trial in (StaircaseTrial(rules[0], "", [], {}), QuestPlusTrial(rules[1], "", [], {})):
+        with pytest.raises(
+            DesignError, match=r"staircase s: take\(.*\); True or False \(answer.is"
+        ):
+            trial.take(heard)
+        trial.take(np.bool_(True))
 
 
 class _Stops(UnattendedOperator):

@@ -301,6 +301,7 @@ def _of_yaml(
             _key_of(where, path, str(name), key, size_px, film)
             for key in _list_of_keys(where, str(name), of.pop("keys", []))
         ]
+        _refuse_idle(where, str(name), of)
         area = _area_of(where, path, str(name), of, size_px, -1 if is_around else 1)
         yield where, replace(area, keys=tuple(keys))
 
@@ -336,8 +337,18 @@ def _key_of(
             f"{where}: area {name}: give its key frame at {t_s:g} s one of polygon, rectangle, "
             "ellipse, gone: true"
         )
+    _refuse_idle(where, name, of)
     area = Area(name) if "gone" in forms else _area_of(where, path, name, dict(of), size_px, 1)
     return KeyFrame(t_s, area.outline, area.ellipse)
+
+
+def _refuse_idle(where: str, name: str, of: Mapping[str, Any]) -> None:
+    """Refuse what would change nothing about the form that an area has."""
+    for word, form in (("turn_deg", "ellipse"), ("colour", "mask")):
+        if word in of and form not in of:
+            raise DesignError(
+                f"{where}: area {name}: {word} goes with {form}; leave it out, or give a polygon"
+            )
 
 
 def _area_of(

@@ -32,6 +32,8 @@ ORIENTATION: Final = 0x0112
 UPRIGHT: Final = 1
 FORMATS: Final = ("PNG", "JPEG", "WEBP", "GIF", "BMP", "TIFF", "PPM")
 """What is read, whatever a file is called: of the others some begin a program (EPS)."""
+MOVING: Final = ("PNG", "WEBP", "GIF")
+"""Of which one file may hold many pictures that follow each other; those of others stand still."""
 
 
 @lru_cache(maxsize=32)
@@ -125,12 +127,18 @@ def read_picture(path: Path, *, may_lie: bool = True) -> Files.Image:
             lies = file.getexif().get(ORIENTATION, UPRIGHT) != UPRIGHT
             file.load()
             picture = ImageOps.exif_transpose(file)
+            pictures = getattr(file, "n_frames", 1) if file.format in MOVING else 1
     except UnidentifiedImageError as error:
         raise DesignError(f"{path} is no picture that can be read; save it as PNG") from error
     except Files.DecompressionBombError as error:
         raise DesignError(f"{path} has too many pixels ({error}); make it smaller") from error
     except (OSError, ValueError, *DAMAGED_ARCHIVE) as error:
         raise DesignError(f"{path} is damaged ({error}); copy or save it again") from error
+    if pictures > 1:
+        raise DesignError(
+            f"{path} holds {pictures} pictures, which move; save one of them as PNG, or all as a "
+            "film (MP4) for Video"
+        )
     if picture.mode == "CMYK":
         raise DesignError(f"{path} has colours for print (CMYK); save it as RGB")
     if is_deep or picture.mode.startswith(("I", "F")):

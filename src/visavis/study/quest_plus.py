@@ -16,6 +16,7 @@ from visavis.analysis.psychometric import INTERVAL_01, PsychometricFunction, sha
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
+from visavis.study.staircase import require_verdict
 
 Floats = npt.NDArray[np.float64]
 
@@ -172,7 +173,12 @@ class QuestPlusTrial:
         row |= {f"{name}_of": of, f"{name}_level": self.level}
 
     def take(self, is_right: bool | None) -> None:
-        """Hear whether the answer is right; None, for no answer, teaches nothing."""
+        """Hear whether the answer is right; None, for no answer, teaches nothing.
+
+        Raises:
+            DesignError: it is told something else.
+        """
+        require_verdict(self._rule.name, is_right)
         if is_right is None:
             return
         name = self._rule.name

@@ -127,7 +127,12 @@ class StaircaseTrial:
         }
 
     def take(self, is_right: bool | None) -> None:
-        """Hear whether the answer is right; None, for no answer, leaves the staircase as it is."""
+        """Hear whether the answer is right; None, for no answer, leaves the staircase as it is.
+
+        Raises:
+            DesignError: it is told something else.
+        """
+        require_verdict(self._staircase.name, is_right)
         if is_right is None:
             return
         name, coming = self._staircase.name, after(self._staircase, self._state, bool(is_right))
@@ -135,6 +140,19 @@ class StaircaseTrial:
         has_turned = coming.reversals > self._state.reversals
         if has_turned and coming.reversals > self._staircase.skip:
             self._row[f"{name}_threshold"] = self.level
+
+
+def require_verdict(name: str, is_right: object) -> None:
+    """Refuse what does not say whether an answer was right, such as the answer itself.
+
+    Raises:
+        DesignError: it is neither True, False nor None.
+    """
+    if is_right not in (True, False, None):
+        raise DesignError(
+            f"staircase {name}: take({is_right!r}); True or False (answer.is_right), or None where "
+            "nothing was answered"
+        )
 
 
 def columns_of(staircase: Staircase) -> tuple[Column, ...]:
