@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from dataclasses import astuple, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -29,6 +30,7 @@ from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.geometry import Pose
 from visavis.lab.plain_files import parse_json, read_plain
 from visavis.lab.version import version
+from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.experiment import no_progress
 from visavis.recording.durable import replace_file
 from visavis.running.film_edges import refuse_cut_off
@@ -44,12 +46,15 @@ from visavis.stimuli.sound import Waveform, part_of, read_sound
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import HANDS, StudyExperiment
 from visavis.study.films import MIME, SOUND_MIME, Film, Lens
+from visavis.study.responses import Keys
 from visavis.study.scenes import Maker, StagedScene, Staging, stage
 
 if TYPE_CHECKING:
     from visavis.stage.stills import Stills
     from visavis.study.moving_camera import FilmSeen
 
+NAMED_KEYS: Final = ("space", "trigger", "enter", "select", "left", "right", "up", "down")
+"""Keys of a page, besides those called as what they type; trigger is space, select is enter."""
 ROLES_OF_PAGES: Final = ("sound", "responses", HANDS)
 """Roles that a page fills itself; hands only in a headset."""
 FILM_VERSION: Final = "vp9 9"
@@ -337,12 +342,12 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
 
 
 def require_roles_of_pages(experiment: StudyExperiment) -> None:
-    """Refuse to begin a session on a page of a study that needs what no page has.
+    """Refuse to begin a session on a page of a study that needs what no page has, keys among it.
 
     Sessions that began are gone on with, and seen again, without this check.
 
     Raises:
-        DesignError: naming the roles, or gaze.
+        DesignError: naming the roles, gaze, or the first such key.
     """
     has = ROLES_OF_PAGES if experiment.headset_streams else ROLES_OF_PAGES[:-1]
     lacking = [role for role in experiment.needed_roles if role not in has]
@@ -353,6 +358,13 @@ def require_roles_of_pages(experiment: StudyExperiment) -> None:
             'page has. Perform it in the laboratory (on="lab"), or make a study for pages without '
             "it: uses=(), calibrate=False, no needs= of it and no measures of gaze"
         )
+    keys = [r for r in experiment.responses.values() if isinstance(r, Keys)]
+    for key in (str(option) for response in keys for option in response.options):
+        if key != key.lower() or (len(key) > 1 and key not in NAMED_KEYS):
+            raise DesignError(
+                f"{experiment.name} asks for the key {key!r}, which no press on a page would be"
+                f"{did_you_mean(key.lower(), (*NAMED_KEYS, *ascii_lowercase))}; letters are small"
+            )
 
 
 @lru_cache(maxsize=4)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -413,3 +414,28 @@ def test_a_study_that_no_page_performs_is_neither_served_nor_exported_but_import
     answer = asked("import-web", str(tmp_path / "results.txt"))
     assert "0 recorded" in answer.output
     assert "left out: run a" in answer.output
+
+
+@pytest.mark.parametrize(
+    ("keys", "says"),
+    [
+        ('"F", "j"', "the key 'F', which no press on a page would be; did you mean 'f'?"),
+        ('"answer", ["return"]', "the key 'return', which no press on a page would be; known: "),
+    ],
+)
+def test_a_key_that_no_page_reports_is_refused_before_a_session(
+    tmp_path: Path, keys: str, says: str
+) -> None:
+    text = """from visavis import Factor, Keys, Study, Text
+study = Study("pressed", "S", factors=[Factor("a", [1, 2])], on="browser", uses=(), calibrate=False)
+
+@study.trial
+def trial(t):
+    yield t.show(Text("+"), until=Keys(KEYS), limit_s=1)
+"""
+    path = tmp_path / "pressed.py"
+    path.write_text(text.replace("KEYS", keys), "utf-8")
+    with pytest.raises(DesignError, match=re.escape(says)):
+        require_roles_of_pages(find_study(str(path)).experiment({}))
+    path.write_text(text.replace("KEYS", '"answer", ["trigger", "1", "ü", "-"]'), "utf-8")
+    require_roles_of_pages(find_study(str(path)).experiment({}))
