@@ -18,7 +18,7 @@ from visavis.lab.errors import ConfigError, DesignError
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.results.tables.dictionary import trial_columns
-from visavis.running.sessions.device_setup import devices_for, simulated_as_begun
+from visavis.running.sessions.device_setup import devices_for, simulated_as_before
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
 
@@ -160,7 +160,7 @@ def test_session_goes_on_with_the_devices_simulated_that_were_when_it_began(fold
     eyes = sim.devices["eye_tracker"].model_copy(update={"simulated": False})
     card = DeviceConfig(role="sound", driver="sound_card", simulated=False, options={})
     written = {**sim.devices, "sound": card, "eye_tracker": eyes}
-    begun = {"sound": {"simulated": True}, "eye_tracker": {"simulated": False}}
-    now = simulated_as_begun(sim.model_copy(update={"devices": written}), begun).devices
+    at_begin = {"sound": {"simulated": True}, "eye_tracker": {"simulated": False}}
+    now = simulated_as_before(sim.model_copy(update={"devices": written}), at_begin).devices
     assert [True, False] == [now[role].simulated for role in ("sound", "eye_tracker")]
     assert sim.devices["headset"] == now["headset"]

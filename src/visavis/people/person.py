@@ -121,7 +121,7 @@ class StudyPerson(Observer):
     _turned_deg: tuple[float, float]
     _goal_deg: tuple[float, float]
     _turns: int
-    _areas_found: frozenset[str]
+    _familiar_areas: frozenset[str]
     """Areas that a window which follows gaze has uncovered in what is shown."""
 
     def __init__(
@@ -315,7 +315,7 @@ class StudyPerson(Observer):
         reach = AROUND_REACH if is_around else 1.0
         self._person["amplitude_rad"] = self.temperament.constants["amplitude_rad"] * reach
         if self._layout is None or self._layout.scene is not scene:
-            self._areas_found = frozenset()
+            self._familiar_areas = frozenset()
         super()._meet(scene, t_ns)
 
     def _layout_of(self, scene: Scene) -> Layout | PictureLayout | None:
@@ -352,7 +352,7 @@ class StudyPerson(Observer):
         window = what.scene.gaze_window if isinstance(what.scene, FlatScene) else None
         if window is None or window.is_around:
             return frozenset()
-        return hidden_areas(what, window) - self._areas_found
+        return hidden_areas(what, window) - self._familiar_areas
 
     def _uncover(self, scene: FlatScene, place: WindowPlace) -> None:
         """See what a window at gaze uncovers at a place: from then on it attracts."""
@@ -362,10 +362,10 @@ class StudyPerson(Observer):
         unknown = self._unknown_areas(what)
         if not unknown:
             return
-        found = unknown & areas_in_window(what, self._targets, window, place, self._seat)
-        if not found:
+        new = unknown & areas_in_window(what, self._targets, window, place, self._seat)
+        if not new:
             return
-        self._areas_found |= found
+        self._familiar_areas |= new
         self._appeal = self._appeal_of(what)
         self._targets["appeal"] = self._appeal
         if self._moving is not None:  # of those that move only what is there attracts
@@ -439,7 +439,7 @@ class StudyPerson(Observer):
         self._looks_around = False
         self._turned_deg = self._goal_deg = 0.0, 0.0
         self._turns = 0
-        self._areas_found = frozenset()
+        self._familiar_areas = frozenset()
 
     def _see_figure(self, view: MouldingFrame, t_ns: int) -> None:
         """At first sight of a figure to mould: look at it, and press what moulds it."""

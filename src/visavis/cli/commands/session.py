@@ -55,7 +55,7 @@ from visavis.running.sessions.device_setup import (
     devices_for,
     is_simulated,
     require_picture,
-    simulated_as_begun,
+    simulated_as_before,
 )
 from visavis.running.sessions.next_session import next_session
 from visavis.running.sessions.perform import perform_new, perform_rest
@@ -422,7 +422,7 @@ def resume(
             f"{'sim' if recording.is_simulated else 'real'}"
         )
     if devices is None:
-        lab = simulated_as_begun(lab, manifest.configuration.get("devices", {}))
+        lab = simulated_as_before(lab, manifest.configuration.get("devices", {}))
     if recording.status == "complete":
         further = f"--participant {manifest.participant} --session {manifest.session + 1}"
         raise UsageError(

@@ -205,11 +205,11 @@ def is_simulated(config: LabConfig) -> bool:
     return any(d.simulated for d in config.devices.values())
 
 
-def simulated_as_begun(config: LabConfig, begun: Mapping[str, Any]) -> LabConfig:
+def simulated_as_before(config: LabConfig, at_begin: Mapping[str, Any]) -> LabConfig:
     """Return a configuration whose devices are simulated where they were when a session began;
-    `begun` is what that session's manifest says of each role.
+    `at_begin` is what that session's manifest says of each role.
     """
-    roles = {role for role, device in begun.items() if device.get("simulated")}
+    roles = {role for role, device in at_begin.items() if device.get("simulated")}
     devices = {
         role: device.model_copy(update={"simulated": True}) if role in roles else device
         for role, device in config.devices.items()
