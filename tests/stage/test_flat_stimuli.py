@@ -160,6 +160,7 @@ def moving(path):
         ("none.png", None, "there is no picture .*none.png"),
         ("text.png", lambda p: p.write_text("no picture"), "no picture that can be read"),
         ("print.jpg", lambda p: Files.new("CMYK", (4, 4)).save(p), "colours for print"),
+        ("folder.png", lambda p: p.mkdir(), "folder.png is a folder; name the file of a picture"),
         ("moving.gif", lambda p: moving(p), "holds 3 pictures, which move; save one of them as"),
         ("moving.webp", lambda p: moving(p), "holds 3 pictures, which move"),
         ("deep.png", lambda p: Files.new("I;16", (4, 4)).save(p), "more than 8 bits"),

@@ -111,6 +111,8 @@ def read_picture(path: Path, *, may_lie: bool = True) -> Files.Image:
         DesignError: it is missing, no picture, truncated, of a kind whose colours are unclear, or
             it has to be turned and `may_lie` says that it must not.
     """
+    if path.is_dir():  # where a table of items has an empty cell
+        raise DesignError(f"{path} is a folder; name the file of a picture")
     if not path.is_file():
         near = [p.name for p in path.parent.glob("*")] if path.parent.is_dir() else []
         same = [n for n in near if n.casefold() == path.name.casefold()]
