@@ -3,6 +3,7 @@
 What it recorded, an amplifier's LSL stream with it, goes on to check, report and BIDS.
 """
 
+import contextlib
 import json
 import os
 import re
@@ -14,9 +15,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from tests.cli.screen_command_child import EEG_HZ, MARKS, SWAY_M
 from tests.recording.test_export import issues_of
+from visavis.cli.main import app
 from visavis.recording.reader import Recording
 
 ROOT = Path(__file__).parents[2]
@@ -137,16 +140,9 @@ def test_what_frames_cost_is_told_by_whatever_drew_them(ran):
 
 def said(ran, *arguments, codes=(0,)):
     """What a command says in the lab's folder."""
-    done = subprocess.run(
-        [sys.executable, "-m", "visavis.cli.main", *arguments],
-        cwd=ran.path.parents[4],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=280,
-        check=False,
-    )
-    assert done.returncode in codes, done.stdout + done.stderr
+    with contextlib.chdir(ran.path.parents[4]):
+        done = CliRunner().invoke(app, arguments)
+    assert done.exit_code in codes, f"{done.output}\n{done.exception!r}"
     return done.stdout
 
 

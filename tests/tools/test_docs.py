@@ -8,9 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from tools.docs_site import site_text
 from tools.reference_pages import FOLDER, pages
+from visavis.cli.main import app
 
 ROOT = Path(__file__).parents[2]
 FENCED = re.compile(r"^```sh\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -59,7 +61,10 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
 
 
 @pytest.mark.timeout(600)
-def test_the_first_report_is_reached_by_its_page_alone(tmp_path: Path) -> None:
+def test_the_first_report_is_reached_by_its_page_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     page = (ROOT / "docs" / "first-report.md").read_text("utf-8")
     typed = [line for block in FENCED.findall(page) for line in block.splitlines()]
     told = "the folder's name, as the page has it"
@@ -72,15 +77,8 @@ def test_the_first_report_is_reached_by_its_page_alone(tmp_path: Path) -> None:
             told, words[asked] = f"_n{words[asked]}_", PEOPLE
             words += ["--processes", "1"]
         words = [word.replace(told, f"_n{PEOPLE}_") for word in words]
-        done = subprocess.run(
-            [sys.executable, "-m", "visavis.cli.main", *words[1:]],
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = CliRunner().invoke(app, words[1:])
         may_end = (0, 4) if words[1] == "doctor" else (0,)  # which looks at this computer
-        assert done.returncode in may_end, f"{line}\n{done.stdout}\n{done.stderr}"
+        assert done.exit_code in may_end, f"{line}\n{done.output}\n{done.exception!r}"
     (report,) = tmp_path.rglob("report.html")
     assert "data-who=" in report.read_text("utf-8")
