@@ -1,5 +1,6 @@
 import re
 from dataclasses import replace
+from functools import cache
 from html.parser import HTMLParser
 
 import pandas as pd
@@ -59,6 +60,7 @@ class Words(HTMLParser):
         self.parts.append(data)
 
 
+@cache  # many tests read the words of the same page
 def words_of(html: str) -> str:
     parser = Words()
     parser.feed(html)
@@ -210,8 +212,13 @@ def test_reporting_list_leaves_open_what_nobody_recorded(html, analysis):
     assert sum(t.startswith(OPEN) for t in texts) == len(SETUP_ITEMS) - 2
 
 
+@cache
+def analysis_of_four(**settings):
+    return analysed(study_rows(4), anxiety_answers(4), **settings)
+
+
 def methods(parameters=None, **settings):
-    found = analysed(study_rows(4), anxiety_answers(4), **settings)
+    found = analysis_of_four(**settings)
     paragraphs = method_paragraphs(found, study_experiment(parameters or {}))
     return " ".join(" ".join(paragraphs).split())
 
