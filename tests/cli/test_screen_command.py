@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 from tests.cli.screen_command_child import EEG_HZ, MARKS, SWAY_M
 from tests.recording.test_export import issues_of
-from visavis.cli.main import app
+from visavis.cli.app import app
 from visavis.recording.reader import Recording
 
 ROOT = Path(__file__).parents[2]

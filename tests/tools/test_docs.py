@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from tools.docs_site import site_text
 from tools.reference_pages import FOLDER, pages
-from visavis.cli.main import app
+from visavis.cli.app import app
 
 ROOT = Path(__file__).parents[2]
 FENCED = re.compile(r"^```sh\n(.*?)^```$", re.MULTILINE | re.DOTALL)
