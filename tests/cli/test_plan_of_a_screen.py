@@ -19,7 +19,7 @@ def trial(t):
 """
 
 
-def planned(folder: Path, lab: Path, cycles: float, count: int, right_deg: float) -> str:
+def plan_output(folder: Path, lab: Path, cycles: float, count: int, right_deg: float) -> str:
     text = STUDY.replace("CYCLES", str(cycles)).replace("COUNT", str(count))
     (folder / "fits.py").write_text(text.replace("AT", str(right_deg)), "utf-8")
     (folder / "lab_config.yaml").write_text(lab.read_text("utf-8"), "utf-8")
@@ -38,13 +38,13 @@ def planned(folder: Path, lab: Path, cycles: float, count: int, right_deg: float
 def test_what_a_screen_cannot_show_is_said(
     tmp_path: Path, cycles: float, count: int, right_deg: float, says: str
 ) -> None:
-    assert says in planned(tmp_path, SCREEN_EXAMPLE, cycles, count, right_deg)
+    assert says in plan_output(tmp_path, SCREEN_EXAMPLE, cycles, count, right_deg)
 
 
 def test_nothing_is_said_of_what_fits_or_where_there_is_no_screen(tmp_path: Path) -> None:
     both = "reaches beyond", "finer than"
-    fits = planned(tmp_path, SCREEN_EXAMPLE, 20.4, 1, 15)
-    headset = planned(tmp_path, EXAMPLE, 43, 60, 15)
+    fits = plan_output(tmp_path, SCREEN_EXAMPLE, 20.4, 1, 15)
+    headset = plan_output(tmp_path, EXAMPLE, 43, 60, 15)
     assert [] == [words for words in both for said in (fits, headset) if words in said]
     assert "2 trials in 1 block" in fits
     assert "2 trials in 1 block" in headset

@@ -61,14 +61,14 @@ SIDES = {"screen": SCREEN_EXAMPLE, "headset": EXAMPLE}
 
 
 @dataclass(frozen=True)
-class Shown:
+class Page:
     """A session, and its page: header and arrays."""
 
     study: OpenedStudy
     recording: CachedRecording
     header: dict[str, Any]
     arrays: bytes
-    page: Path
+    file: Path
 
     def array(self, ref: dict[str, Any]) -> np.ndarray[Any, Any]:
         """Return an array of the page; on it columns stand one after the other."""
@@ -89,13 +89,13 @@ class Shown:
         return next(scene for scene in scenes if scene["t0"] <= middle_s < scene["t1"])
 
     def second(self, t_ns: float) -> float:
-        """Return the second on the page of a time of the session."""
+        """Return the second on the page of a time of the page."""
         (part,) = self.header["parts"]
         return float(part["t0"] + (t_ns - part["started_ns"]) / 1e9)
 
 
 @pytest.fixture(scope="module", params=SIDES)
-def shown(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Shown:
+def session(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Page:
     folder = tmp_path_factory.mktemp("flat")
     (folder / "flat.py").write_text(STUDY, "utf-8")
     (folder / "room.yaml").write_text(
@@ -112,7 +112,7 @@ def shown(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     raw = zlib.decompress(base64.b64decode(bundle.text(header)))
     begin = 8 + int.from_bytes(raw[:8], "little")
     (folder / "flat.html").write_text(page_of(header, bundle), "utf-8")
-    return Shown(study, recording, json.loads(raw[8:begin]), raw[begin:], folder / "flat.html")
+    return Page(study, recording, json.loads(raw[8:begin]), raw[begin:], folder / "flat.html")
 
 
 def corners_m(at: Any, turn: Any, size: Any) -> np.ndarray[Any, Any]:
@@ -121,13 +121,13 @@ def corners_m(at: Any, turn: Any, size: Any) -> np.ndarray[Any, Any]:
 
 
 @pytest.mark.parametrize("name", ["square", "stimulus", "covered", "dots"])
-def test_a_stimulus_stands_on_the_page_where_it_was_staged(shown: Shown, name: str) -> None:
-    for _, row in shown.recording.trials().iterrows():
-        trial = recorded_trial(shown.recording, str(row["trial_id"]))
+def test_a_stimulus_stands_on_the_page_where_it_was_staged(page: Page, name: str) -> None:
+    for _, row in page.recording.trials().iterrows():
+        trial = recorded_trial(page.recording, str(row["trial_id"]))
         moment = trial.shown_at(int(row[f"{name}_on_ns"] + row[f"{name}_off_ns"]) // 2)
-        scene = next(iter(shown.study.views_of(moment))).scene
+        scene = next(iter(page.study.views_of(moment))).scene
         assert isinstance(scene, FlatScene)
-        monitor, flat = monitor_of(scene), shown.scene(row, name)["flat"]
+        monitor, flat = monitor_of(scene), page.scene(row, name)["flat"]
         places = [place_of(item, scene)[:2] for item in scene.items]
         wanted = [(monitor.pose, monitor.size_m), *places] if monitor is not None else places
         assert len(wanted) == len(flat["sheets"])
@@ -142,48 +142,48 @@ def test_a_stimulus_stands_on_the_page_where_it_was_staged(shown: Shown, name: s
 
 
 def test_stimuli_are_there_from_the_frame_of_their_onset_to_that_of_their_end(
-    shown: Shown,
+    page: Page,
 ) -> None:
-    frame_s = float(np.median(np.diff(shown.recording.stream_arrays("frames")["t_host_ns"]))) / 1e9
-    for _, row in shown.recording.trials().iterrows():
+    frame_s = float(np.median(np.diff(page.recording.stream_arrays("frames")["t_host_ns"]))) / 1e9
+    for _, row in page.recording.trials().iterrows():
         for name in ("square", "stimulus", "covered"):
-            scene = shown.scene(row, name)
-            assert abs(scene["t0"] - shown.second(row[f"{name}_on_ns"])) < 1.1 * frame_s
-            assert abs(scene["t1"] - shown.second(row[f"{name}_off_ns"])) < 1.1 * frame_s
-    for scene, after in zip(shown.header["scenes"], shown.header["scenes"][1:], strict=False):
+            scene = page.scene(row, name)
+            assert abs(scene["t0"] - page.second(row[f"{name}_on_ns"])) < 1.1 * frame_s
+            assert abs(scene["t1"] - page.second(row[f"{name}_off_ns"])) < 1.1 * frame_s
+    for scene, after in zip(page.header["scenes"], page.header["scenes"][1:], strict=False):
         assert scene["t1"] == after["t0"] or scene["trial"] != after["trial"]
 
 
-def test_each_picture_is_there_once_small_and_in_its_colours(shown: Shown) -> None:
-    rows = [row for _, row in shown.recording.trials().iterrows()]
-    numbers = {shown.scene(row, "square")["flat"]["sheets"][-1]["picture"] for row in rows}
-    numbers |= {shown.scene(row, "stimulus")["flat"]["sheets"][-2]["picture"] for row in rows}
+def test_each_picture_is_there_once_small_and_in_its_colours(page: Page) -> None:
+    rows = [row for _, row in page.recording.trials().iterrows()]
+    numbers = {page.scene(row, "square")["flat"]["sheets"][-1]["picture"] for row in rows}
+    numbers |= {page.scene(row, "stimulus")["flat"]["sheets"][-2]["picture"] for row in rows}
     red, green = sorted(numbers)
-    assert (shown.picture(red) == [255, 0, 0, 255]).all()
-    assert (shown.picture(green) == [0, 200, 0, 255]).all()
-    pictures = [n for n, t in enumerate(shown.header["textures"]) if t.get("flat")]
-    contents = Counter(shown.picture(n).tobytes() for n in pictures)
+    assert (page.picture(red) == [255, 0, 0, 255]).all()
+    assert (page.picture(green) == [0, 200, 0, 255]).all()
+    pictures = [n for n, t in enumerate(page.header["textures"]) if t.get("flat")]
+    contents = Counter(page.picture(n).tobytes() for n in pictures)
     assert {1} == set(contents.values())
-    assert max(max(shown.picture(n).shape) for n in pictures) <= 512
+    assert max(max(page.picture(n).shape) for n in pictures) <= 512
 
 
-def test_gaze_is_on_the_areas_on_which_it_is_measured(shown: Shown) -> None:
+def test_gaze_is_on_the_areas_on_which_it_is_measured(page: Page) -> None:
     found: Counter[str] = Counter()
-    targets = GazeTargets.from_columns(shown.recording.stream_arrays("gaze_targets"))
+    targets = GazeTargets.from_columns(page.recording.stream_arrays("gaze_targets"))
     for (_, row), ends in zip(
-        shown.recording.trials().iterrows(), shown.header["gazeEnds"], strict=True
+        page.recording.trials().iterrows(), page.header["gazeEnds"], strict=True
     ):
         measured = gaze_by_area(
-            TrialRecord({str(k): v for k, v in row.items()}, shown.recording, targets),
+            TrialRecord({str(k): v for k, v in row.items()}, page.recording, targets),
             "stimulus",
             0.0,
         )
         assert measured is not None
-        t_s = np.cumsum(shown.array(ends["t"])) / 1e6
-        on = dict(zip(np.rint(1e5 * t_s).astype(int), shown.array(ends["on"]), strict=True))
+        t_s = np.cumsum(page.array(ends["t"])) / 1e6
+        on = dict(zip(np.rint(1e5 * t_s).astype(int), page.array(ends["on"]), strict=True))
         inside_ns = range(measured.window[0] + FRAME_NS, measured.window[1] - FRAME_NS)
         for t_ns, area in zip(measured.samples.t_ns, measured.area, strict=True):
-            key = int(np.rint(1e5 * shown.second(int(t_ns))))
+            key = int(np.rint(1e5 * page.second(int(t_ns))))
             if area != LOST and key in on and int(t_ns) in inside_ns:
                 name = ends["names"][on[key]]
                 found[name] += 1
@@ -193,13 +193,11 @@ def test_gaze_is_on_the_areas_on_which_it_is_measured(shown: Shown) -> None:
     assert 100 < found.total()
 
 
-def test_gaze_ends_on_what_stands_there(shown: Shown) -> None:
-    for ends in shown.header["gazeEnds"]:
+def test_gaze_ends_on_what_stands_there(page: Page) -> None:
+    for ends in page.header["gazeEnds"]:
         assert {"stimulus", "door", "lamp"} & set(ends["names"])
         assert set(ends["names"]) <= {"", "stimulus", "screen", "door", "lamp"}
-        assert ("screen" in ends["names"]) <= any(
-            "eye" in s["flat"] for s in shown.header["scenes"]
-        )
+        assert ("screen" in ends["names"]) <= any("eye" in s["flat"] for s in page.header["scenes"])
 
 
 def test_an_area_that_moves_is_where_it_is_and_one_that_is_gone_nowhere() -> None:
@@ -219,16 +217,16 @@ def test_an_area_that_moves_is_where_it_is_and_one_that_is_gone_nowhere() -> Non
         bundle,
     )
     raw = zlib.decompress(base64.b64decode(bundle.text({})))
-    shown = Shown(None, None, {}, raw[16:], Path())  # type: ignore[arg-type]
-    ball, still = (shown.array(area["corners"]) for area in flat["areas"])
+    page = Page(None, None, {}, raw[16:], Path())  # type: ignore[arg-type]
+    ball, still = (page.array(area["corners"]) for area in flat["areas"])
     assert np.allclose([[-0.5, 1.5, -2.0], [-0.3, 1.5, -2.0]], ball[:2, 0])
     assert np.isnan(ball[2]).all()
     assert (1, 3, 3) == still.shape
 
 
 @pytest.fixture(scope="module")
-def tab(shown: Shown) -> Iterator[Any]:
-    with viewer_tab(shown.page, 1000, 700) as (window, problems):
+def tab(page: Page) -> Iterator[Any]:
+    with viewer_tab(page.file, 1000, 700) as (window, problems):
         yield window
     assert [] == problems
 
@@ -244,23 +242,23 @@ COLOUR = """([t, x, y]) => { viewer.setCamera('eyes'); viewer.show.gaze = false;
 
 
 @pytest.mark.slow  # a browser
-def test_a_browser_draws_a_stimulus_in_its_colour_at_its_place(tab: Any, shown: Shown) -> None:
-    row = shown.recording.trials().iloc[0]
-    t_s = shown.scene(row, "square")["t0"] + 0.1
+def test_a_browser_draws_a_stimulus_in_its_colour_at_its_place(tab: Any, page: Page) -> None:
+    row = page.recording.trials().iloc[0]
+    t_s = page.scene(row, "square")["t0"] + 0.1
     for x, y in ((0.0, 0.0), (-0.45, 0.45), (0.45, -0.45)):
         assert [255, 0, 0, 255] == tab.evaluate(COLOUR, [t_s, x, y])
     assert [255, 255, 255, 255] == tab.evaluate(COLOUR, [t_s, 0.6, 0.0])
-    t_s = shown.scene(row, "covered")["t0"] + 0.2
+    t_s = page.scene(row, "covered")["t0"] + 0.2
     assert [0, 200, 0, 255] == tab.evaluate(COLOUR, [t_s, 0.4, 0.4])
     assert [128, 128, 128, 255] == tab.evaluate(COLOUR, [t_s, 0.0, 0.55])
 
 
 @pytest.mark.slow  # a browser
 def test_areas_are_outlined_where_asked_and_a_click_says_how_long_they_were_looked_at(
-    tab: Any, shown: Shown
+    tab: Any, page: Page
 ) -> None:
-    row = shown.recording.trials().iloc[0]
-    t_s = shown.scene(row, "stimulus")["t0"] + 0.5
+    row = page.recording.trials().iloc[0]
+    t_s = page.scene(row, "stimulus")["t0"] + 0.5
     names, tip, about = tab.evaluate(
         """t => { viewer.setCamera('eyes'); viewer.seek(t); viewer.draw();
         const door = viewer.outlines[0], middle = [0, 1].map(a => door.path.reduce((s, p) =>
@@ -277,18 +275,16 @@ def test_areas_are_outlined_where_asked_and_a_click_says_how_long_they_were_look
 
 
 @pytest.mark.slow  # a browser
-def test_the_window_is_a_circle_of_its_width_around_what_is_looked_at(
-    tab: Any, shown: Shown
-) -> None:
-    windows = shown.recording.stream_arrays("gaze_window")
-    row = shown.recording.trials().iloc[0]
+def test_the_window_is_a_circle_of_its_width_around_what_is_looked_at(tab: Any, page: Page) -> None:
+    windows = page.recording.stream_arrays("gaze_window")
+    row = page.recording.trials().iloc[0]
     inside = (windows["t_host_ns"] > row["covered_on_ns"] + 50_000_000) & windows["valid"]
     k = int(np.flatnonzero(inside)[0])
     eye, along, rim = tab.evaluate(
         """t => { viewer.seek(t); viewer.draw(); const read = n => viewer.streams.at('gaze_window',
         n, t, 0.1), eye = read('origin_world_m'), along = read('direction_world');
         return [eye, along, viewer.sceneAt(t).flat.rim(eye, unit(along))]; }""",
-        shown.second(int(windows["t_host_ns"][k])) + 1e-4,
+        page.second(int(windows["t_host_ns"][k])) + 1e-4,
     )
     assert np.allclose(windows["direction_world"][k], along, atol=1e-3)
     rays = np.array(rim) - eye

@@ -27,11 +27,11 @@ MAX_APART_M = 0.006
 @pytest.fixture(scope="module")
 def stills() -> Iterator[Stills]:
     try:
-        made = Stills(Quality(samples=0, shadows="none", fast=True, shrink_factor=2))
+        drawer = Stills(Quality(samples=0, shadows="none", fast=True, shrink_factor=2))
     except StageError as problem:
         pytest.skip(str(problem))
-    yield made
-    made.close()
+    yield drawer
+    drawer.close()
 
 
 def _only(person: Character, material: str) -> Character:
@@ -55,8 +55,8 @@ def _image(stills: Stills, person: Character, material: str) -> npt.NDArray[np.i
 def _longest_apart_m(stills: Stills, person: Character) -> float:
     """Return how long the longest piece of hair is that is drawn apart from the largest."""
     without, hair = (_image(stills, person, name) for name in ("shoe", "hair"))
-    drawn = np.abs(hair - without).max(axis=2) > DIFFERS_CODES
-    pieces, _ = ndimage.label(drawn, np.ones((3, 3)))
+    differs = np.abs(hair - without).max(axis=2) > DIFFERS_CODES
+    pieces, _ = ndimage.label(differs, np.ones((3, 3)))
     largest = np.bincount(pieces.ravel())[1:].argmax()
     apart = [piece for k, piece in enumerate(ndimage.find_objects(pieces)) if k != largest]
     sides = [max(part.stop - part.start for part in piece) for piece in apart]
@@ -80,7 +80,7 @@ def test_cut_outs_of_pictures_made_smaller_are_covered_by_as_much_as_they_hide(
         square = np.array([[-1, 0, -2], [1, 0, -2], [1, 3, -2], [-1, 3, -2]], np.float32)
         mesh = StaticMesh(
             square,
-            np.tile(np.float32([0, 0, 1]), (4, 1)),
+            np.tile(np.array([0, 0, 1], np.float32), (4, 1)),
             np.full((4, 3), 255, np.uint8),
             np.array([[0, 1, 2], [0, 2, 3]], np.int32),
             np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32),
@@ -91,9 +91,9 @@ def test_cut_outs_of_pictures_made_smaller_are_covered_by_as_much_as_they_hide(
             "one sheet", (Prop("sheet", mesh, paper),), (), light.sky, light.ground, (0, 0, 0)
         )
         nobody = PosedPeople(np.zeros((0, 3)), np.zeros((0, 55, 4)), np.zeros((0, len(MORPHS))))
-        drawn = stills.image(Picture(0, room, (), nobody), camera(half_deg=5.0), (32, 24))
-        assert drawn.std() < 1
-        return int(drawn[12, 16, 1])
+        image = stills.image(Picture(0, room, (), nobody), camera(half_deg=5.0), (32, 24))
+        assert image.std() < 1
+        return int(image[12, 16, 1])
 
     def light_of(code: int) -> float:
         share = code / 255

@@ -235,10 +235,10 @@ def test_what_is_wrong_with_keys_is_told_by_file_area_and_time(
 
 
 def test_an_outline_may_turn_and_change_its_size_between_keys(film: Path) -> None:
-    turned = [[30, 20], [40, 30], [30, 40], [20, 30]]  # by an eighth of a turn
-    gone = "{t_s: 1.5, gone: true}"
-    mirrored = "{t_s: 2, polygon: [[0, 9], [9, 9], [9, 0], [0, 0]]}, {t_s: 3, gone: true}"
-    keys = f"{{t_s: 0, {SQUARE}}}, {{t_s: 1, polygon: {turned}}}, {gone}, {mirrored}"
+    diamond = [[30, 20], [40, 30], [30, 40], [20, 30]]  # by an eighth of a turn
+    pause = "{t_s: 1.5, gone: true}"
+    mirror_image = "{t_s: 2, polygon: [[0, 9], [9, 9], [9, 0], [0, 0]]}, {t_s: 3, gone: true}"
+    keys = f"{{t_s: 0, {SQUARE}}}, {{t_s: 1, polygon: {diamond}}}, {pause}, {mirror_image}"
     (ball,) = read(film, f"ball: {{keys: [{keys}]}}")
     assert (0.0, 9.0) == ball.at(2.5).outline[0]
 

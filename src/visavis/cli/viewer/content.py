@@ -570,9 +570,9 @@ def _gaze(
     # Of the samples of one showing the nearest.
     t_ns = np.array([sample.t_ns for sample in samples])
     ends_ns = np.where(np.isin(t_ns[1:], onsets_ns(trial)), t_ns[1:], (t_ns[:-1] + t_ns[1:]) // 2)
-    shown = np.searchsorted(ends_ns, when_ns[rows], side="right")
-    for k in np.unique(shown[is_valid]):
-        here, sample = np.flatnonzero((shown == k) & is_valid), samples[k]
+    nearest = np.searchsorted(ends_ns, when_ns[rows], side="right")
+    for k in np.unique(nearest[is_valid]):
+        here, sample = np.flatnonzero((nearest == k) & is_valid), samples[k]
         if sample.picture.brightness_01 <= 0:
             continue
         rays, showing = (origin_m[here], direction[here]), sample.showing
