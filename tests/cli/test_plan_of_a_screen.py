@@ -11,16 +11,18 @@ from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 STUDY = """
 from visavis import Factor, Grating, Study, Text
 
-study = Study("fits", "S", factors=[Factor("a", [1, 2])], calibrate=False)
+study = Study("fits", "S", factors=[Factor("word", ["ä ≤", "WORD"])], calibrate=False)
 
 @study.trial
 def trial(t):
-    yield t.show([Grating(6, CYCLES), Text("word " * COUNT, at_deg=(AT, 0))], 1)
+    yield t.show([Grating(6, CYCLES), Text("word " * COUNT, at_deg=(AT, 0)), Text(t.word)], 1)
 """
 
 
-def plan_output(folder: Path, lab: Path, cycles: float, count: int, right_deg: float) -> str:
-    text = STUDY.replace("CYCLES", str(cycles)).replace("COUNT", str(count))
+def plan_output(
+    folder: Path, lab: Path, cycles: float, count: int, right_deg: float, word: str = "b"
+) -> str:
+    text = STUDY.replace("CYCLES", str(cycles)).replace("COUNT", str(count)).replace("WORD", word)
     (folder / "fits.py").write_text(text.replace("AT", str(right_deg)), "utf-8")
     (folder / "lab_config.yaml").write_text(lab.read_text("utf-8"), "utf-8")
     words = ["plan", str(folder / "fits.py"), "--config", str(folder / "lab_config.yaml")]
@@ -48,3 +50,9 @@ def test_nothing_is_said_of_what_fits_or_where_there_is_no_screen(tmp_path: Path
     assert [] == [words for words in both for said in (fits, headset) if words in said]
     assert "2 trials in 1 block" in fits
     assert "2 trials in 1 block" in headset
+
+
+@pytest.mark.parametrize("lab", [EXAMPLE, SCREEN_EXAMPLE])
+def test_letters_that_no_font_has_are_said(tmp_path: Path, lab: Path) -> None:
+    assert "no font of Visavis has 日 本, " in plan_output(tmp_path, lab, 2, 1, 0, "日本 日")
+    assert "no font" not in plan_output(tmp_path, lab, 2, 1, 0)

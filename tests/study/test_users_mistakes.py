@@ -6,6 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.faults.sessions import CONFIG
+from visavis import Choice, Keys
 from visavis.cli.main import app
 from visavis.lab.errors import DataError, DesignError
 from visavis.recording.reader import Recording
@@ -184,3 +185,12 @@ def test_a_name_that_is_not_there_is_answered_with_every_name_once(
     with pytest.raises(DesignError) as caught:
         find_study(str(path)).experiment({})
     assert [1] * len(names) == [str(caught.value).count(name) for name in names]
+
+
+def test_an_option_or_key_that_is_named_twice_is_refused() -> None:
+    with pytest.raises(DesignError, match="keys answer: one of its controls is there twice: f, f"):
+        Keys("f", "f")
+    with pytest.raises(
+        DesignError, match="choice nice: one of its options is there twice: a, b, a"
+    ):
+        Choice("nice", ["a", "b", "a"])

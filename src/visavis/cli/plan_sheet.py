@@ -13,8 +13,9 @@ from visavis.lab.config import LabConfig
 from visavis.lab.luminance import NO_LUMINANCES
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.stimuli.dressing.flat import box_px, size_deg
-from visavis.stimuli.flat import Dots, Grating, Shape
+from visavis.stimuli.flat import Dots, Grating, Shape, Text
 from visavis.stimuli.scenes.flat import FlatScene
+from visavis.stimuli.text_font import missing_characters
 from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
 from visavis.study.scenes import FLAT
@@ -81,6 +82,18 @@ def screen_words(lab: LabConfig, experiment: StudyExperiment) -> list[str]:
                 f"screen of {flat.width_px} × {flat.height_px}"
             )
     return lines[:MAX_LINES]
+
+
+def letter_words(experiment: StudyExperiment) -> list[str]:
+    """Return which letters of texts no font has; they are drawn as boxes."""
+    texts = [item.text for item in experiment.flats if isinstance(item, Text)]
+    missing = dict.fromkeys(c for text in texts for c in missing_characters(text))
+    if not missing:
+        return []
+    return [
+        f"no font of Visavis has {' '.join(missing)}, which Text shows as boxes; show words with "
+        "such letters as an Image"
+    ]
 
 
 def as_operators_read(session_plan: SessionPlan, study: Study) -> SessionPlan:

@@ -24,11 +24,26 @@ def font_for(text: str, size_px: int) -> Font:
     return ImageFont.truetype(_dejavu(), size_px)
 
 
+def missing_characters(text: str) -> list[str]:
+    """Return the characters of a text that the font for it lacks: boxes stand for them."""
+    if all(map(_is_drawn, text)):
+        return []
+    return [c for c in dict.fromkeys(text) if not _is_in_dejavu(c)]
+
+
 @cache
 def _is_drawn(character: str) -> bool:
+    return _has(ImageFont.load_default(24), character)
+
+
+@cache
+def _is_in_dejavu(character: str) -> bool:
+    return _has(ImageFont.truetype(_dejavu(), 24), character)
+
+
+def _has(font: Font, character: str) -> bool:
     if character.isspace():
         return True
-    font = ImageFont.load_default(24)
     return bytes(font.getmask(character)) != bytes(font.getmask(NO_CHARACTER))
 
 

@@ -88,6 +88,11 @@ class _OptionResponse(_Response):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "options", tuple(map(str, self.options)))
+        if len(set(self.options)) < len(self.options):
+            raise DesignError(
+                f"{self._words[0]} {self.name}: one of its {self._words[1]} is there twice: "
+                f"{', '.join(self.options)}"
+            )
         if self.right is not None and self.right not in self.options:
             raise DesignError(
                 f"{self._words[0]} {self.name}: {self.right!r} is none of its {self._words[1]}"
@@ -183,8 +188,6 @@ class Choice(_OptionResponse):
         super().__post_init__()
         if not 2 <= len(self.options) <= MAX_CHOICES:
             raise DesignError(f"choice {self.name} has {len(self.options)} options; give 2 to 9")
-        if len(set(self.options)) < len(self.options):
-            raise DesignError(f"choice {self.name} has an option twice: {', '.join(self.options)}")
         object.__setattr__(self, "labels", tuple(map(str, self.labels)))
         if self.labels and len(set(self.labels)) != len(self.options):
             raise DesignError(f"choice {self.name}: give each of its options a label of its own")

@@ -33,7 +33,13 @@ from visavis.cli.doctor.station import station_findings
 from visavis.cli.lab_companion import LabCompanion
 from visavis.cli.notifier import counting, make_ready, prepare_pages
 from visavis.cli.operator_screen import TerminalOperator
-from visavis.cli.plan_sheet import as_operators_read, luminance_words, print_plan, screen_words
+from visavis.cli.plan_sheet import (
+    as_operators_read,
+    letter_words,
+    luminance_words,
+    print_plan,
+    screen_words,
+)
 from visavis.cli.questions import TerminalRespondent
 from visavis.cli.studies import StudyHere, require_session, study_here, study_of_lab
 from visavis.lab.clock import SimClock, SystemClock
@@ -167,6 +173,7 @@ def plan(
         check_rig(devices_for(lab, plan_inputs.experiment))
         lines_of_screen = luminance_words(lab, plan_inputs.experiment)
         lines_of_screen += screen_words(lab, plan_inputs.experiment)
+        lines_of_screen += letter_words(plan_inputs.experiment)
     else:
         film_store(plan_inputs.experiment)  # raises where no page can perform it
         require_roles_of_pages(plan_inputs.experiment)
