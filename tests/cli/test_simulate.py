@@ -65,6 +65,8 @@ WITH_OTHER_STUDIES = {
     "drawn_gpu",
     "gaze_window",
     "choices.csv",
+    "detection.csv",
+    "psychometric.csv",
 }
 
 
