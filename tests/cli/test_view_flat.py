@@ -95,7 +95,7 @@ class Page:
 
 
 @pytest.fixture(scope="module", params=SIDES)
-def session(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Page:
+def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Page:
     folder = tmp_path_factory.mktemp("flat")
     (folder / "flat.py").write_text(STUDY, "utf-8")
     (folder / "room.yaml").write_text(

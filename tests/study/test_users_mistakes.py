@@ -190,7 +190,5 @@ def test_a_name_that_is_not_there_is_answered_with_every_name_once(
 def test_an_option_or_key_that_is_named_twice_is_refused() -> None:
     with pytest.raises(DesignError, match="keys answer: one of its controls is there twice: f, f"):
         Keys("f", "f")
-    with pytest.raises(
-        DesignError, match="choice nice: one of its options is there twice: a, b"
-    ):
+    with pytest.raises(DesignError, match="choice nice: one of its options is there twice: a, b"):
         Choice("nice", ["a", "b", "a"])

@@ -39,7 +39,8 @@ study = Study("heard", factors=[Factor("pitch", [440, 880])], on="browser", uses
 @study.trial
 def trial(t):
     yield t.show(Text("+"), seconds=0.5)
-    yield t.show([Text("x"), Tone(t.pitch, seconds=0.2)], seconds=0.3, name="beep")
+    # Longer than the tone: on a busy computer it may begin late, and what is shown ends it.
+    yield t.show([Text("x"), Tone(t.pitch, seconds=0.2)], seconds=1.5, name="beep")
     yield t.show(Sound("hum.wav", ear="left"), until=Keys("f", "j"), limit_s=60, name="hum")
 """
 TAP = """
@@ -78,7 +79,8 @@ BLOCKS = "() => window.tap ? window.tap.blocks : []"
 COUNT = "() => window.tap.blocks.length"
 COMPARED = 4800
 """Samples of each sound: a tenth of a second."""
-BLOCKS_BEFORE_PRESS = 2 * COMPARED // 128
+BLOCKS_BEFORE_PRESS = 4 * COMPARED // 128
+"""The tone's 75 may come among them, where the browser is busy, and as many of the sound alone."""
 PART = "canvas.flat[data-part='2']"
 
 
