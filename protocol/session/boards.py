@@ -30,6 +30,8 @@ AHEAD: Final = np.array([0.0, 0.0, -1.0])
 NEXT: Final = NextFrame()
 Showing: TypeAlias = Callable[[FrameView, Panel], Show | None]
 Steps: TypeAlias = Generator[Step, FrameView | AskReply | None, "BoardAnswer"]
+NOTHING_IN_TIME: Final = "nothing in time"
+"""By whom an answer is that nobody gave before the limit."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +168,7 @@ def ask_on_board(panel: Panel, ways: Ways, first: Show | None, show: Showing) ->
             return BoardAnswer(gaze_choice, "gaze", asked_ns, view)
         yield from show_step(show(view, replace(panel, highlighted=highlight)))
         view = yield from frame()
-    return BoardAnswer(None, "nothing in time", asked_ns, view)
+    return BoardAnswer(None, NOTHING_IN_TIME, asked_ns, view)
 
 
 def newer_ray(before: Ray | None, view: FrameView, ways: Ways | None = None) -> Ray | None:

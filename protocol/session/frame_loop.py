@@ -459,7 +459,7 @@ class FrameLoop:
                 self._scenes.add(view, self.t_ns)
             self._display(view)
         frame = self._wait_frame()
-        if view is not None:
+        if view is not None and view.window_at is not self._scenes.window_at:
             self._scenes.add_window(view.window_at, before_ns, frame.t_ns)
         return frame
 

@@ -38,11 +38,12 @@ class SceneLog:
         self._show = show
         self._states = RowBuffer(states, recorder.append, hold_ns=hold_ns)
         self._windows = RowBuffer(GAZE_WINDOWS, recorder.append, hold_ns=hold_ns)
-        self._window_at: WindowPlace | None = None
         self._scene_number = 0
         self._rooms: set[str] = set()
         self.view: SceneFrame | None = None
         """What was recorded last."""
+        self.window_at: WindowPlace | None = None
+        """Where the window was last that follows gaze."""
 
     @property
     def state(self) -> int:
@@ -120,9 +121,7 @@ class SceneLog:
 
     def add_window(self, place: WindowPlace | None, drawn_ns: int, lit_ns: int) -> None:
         """Record where the window is that follows gaze, and how late it came."""
-        if place is self._window_at:
-            return
-        self._window_at = place
+        self.window_at = place
         if place is None:
             return
         sample_ns = place.t_sample_ns

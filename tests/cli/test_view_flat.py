@@ -106,8 +106,8 @@ def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     config = load_config(SIDES[request.param]).model_copy(
         update={"data_root": folder / "data", "key_root": folder / "keys"}
     )
-    asked = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
-    recording = CachedRecording(perform_new(asked))
+    about = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    recording = CachedRecording(perform_new(about))
     header, bundle = page_content(study, recording, list(trial_lengths_ns(recording)))
     raw = zlib.decompress(base64.b64decode(bundle.text(header)))
     begin = 8 + int.from_bytes(raw[:8], "little")
@@ -129,9 +129,9 @@ def test_a_stimulus_stands_on_the_page_where_it_was_staged(page: Page, name: str
         assert isinstance(scene, FlatScene)
         monitor, flat = monitor_of(scene), page.scene(row, name)["flat"]
         places = [place_of(item, scene)[:2] for item in scene.items]
-        wanted = [(monitor.pose, monitor.size_m), *places] if monitor is not None else places
-        assert len(wanted) == len(flat["sheets"])
-        for (pose, size_m), sheet in zip(wanted, flat["sheets"], strict=True):
+        in_scene = [(monitor.pose, monitor.size_m), *places] if monitor is not None else places
+        assert len(in_scene) == len(flat["sheets"])
+        for (pose, size_m), sheet in zip(in_scene, flat["sheets"], strict=True):
             staged = corners_m(pose.position_m, pose.orientation_wxyz, size_m)
             assert np.array_equal(staged, corners_m(sheet["at"], sheet["turn"], sheet["size"]))
         assert flat["moves"] is (name == "dots")
@@ -168,7 +168,7 @@ def test_each_picture_is_there_once_small_and_in_its_colours(page: Page) -> None
 
 
 def test_gaze_is_on_the_areas_on_which_it_is_measured(page: Page) -> None:
-    found: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     targets = GazeTargets.from_columns(page.recording.stream_arrays("gaze_targets"))
     for (_, row), ends in zip(
         page.recording.trials().iterrows(), page.header["gazeEnds"], strict=True
@@ -186,11 +186,11 @@ def test_gaze_is_on_the_areas_on_which_it_is_measured(page: Page) -> None:
             key = int(np.rint(1e5 * page.second(int(t_ns))))
             if area != LOST and key in on and int(t_ns) in inside_ns:
                 name = ends["names"][on[key]]
-                found[name] += 1
-                wanted = None if area == NONE else measured.names[area]
-                assert wanted == (name if name in measured.names else None), (t_ns, name)
-    assert {"door", "lamp"} & set(found)
-    assert 100 < found.total()
+                counts[name] += 1
+                area_name = None if area == NONE else measured.names[area]
+                assert area_name == (name if name in measured.names else None), (t_ns, name)
+    assert {"door", "lamp"} & set(counts)
+    assert 100 < counts.total()
 
 
 def test_gaze_ends_on_what_stands_there(page: Page) -> None:

@@ -10,7 +10,8 @@ import pytest
 
 from visavis.analysis.gaze.aoi import LOST
 from visavis.analysis.gaze.targets import gaze_of_part
-from visavis.results.intake import validations_of
+from visavis.protocol.session.boards import NOTHING_IN_TIME
+from visavis.results.intake import _without_limits, validations_of
 from visavis.study.look_measures import LooksOn
 
 
@@ -94,3 +95,17 @@ def test_drift_is_the_last_error_minus_the_one_before_the_last_block() -> None:
 
 def test_a_session_without_validations_has_no_columns_of_them() -> None:
     assert {} == validations_of(pd.DataFrame({"name": [], "payload": []}))
+
+
+def test_of_recordings_that_hold_the_limit_an_answer_that_nobody_gave_has_no_time() -> None:
+    rows = pd.DataFrame(
+        {
+            "nice": ["3", None],
+            "nice_by": ["keys", NOTHING_IN_TIME],
+            "nice_ms": [640.0, 8000.0],
+            "ended_by": ["seconds", "seconds"],
+        }
+    )
+    times_ms = _without_limits(rows)["nice_ms"]
+    assert 640.0 == times_ms[0]
+    assert np.isnan(times_ms[1])

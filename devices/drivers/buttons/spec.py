@@ -14,10 +14,10 @@ ButtonNames = Annotated[dict[str, str], Field(json_schema_extra={"any_magnitude"
 KEYS = (
     *"0123456789abcdefghijklmnopqrstuvwxyz",
     *(f"f{n}" for n in range(1, 13)),
-    "space", "enter", "left", "right", "up", "down", "tab", "backspace", "escape",
-    "left_shift", "right_shift", "left_control", "right_control", "left_alt", "right_alt",
+    *"space enter left right up down tab backspace escape".split(),
+    *(f"{side}_{key}" for key in ("shift", "control", "alt") for side in ("left", "right")),
     *"-=[];'`,./\\",
-)  # fmt: skip
+)
 """Names of keys: what they type without shift in the layout that is set, or what they are."""
 KEYBOARD_REMEDY = (
     "click into the participant's window: keys go to the window in front "

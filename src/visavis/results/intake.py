@@ -21,6 +21,7 @@ from visavis.protocol.plan.questionnaires import (
     score,
     unanswered_questions,
 )
+from visavis.protocol.session.boards import NOTHING_IN_TIME
 from visavis.protocol.session.gaze_setup import TARGETS
 from visavis.recording.annotations import annotations_of
 from visavis.recording.integrity import analysed_trials, damage_of
@@ -134,6 +135,7 @@ def take_in(
             f"{recording.path} holds no trial; was it ended before the first? Move it away, or "
             "go on with it: visavis resume"
         )
+    rows = _without_limits(rows)
     gaze = SessionGaze(recording)
     trial_measures = [m for m in measures if m.of is not None]
     values: dict[str, list[Any]] = {m.column: [] for m in trial_measures}
@@ -244,6 +246,17 @@ def with_coding(intake: SessionIntake, recording: Recording) -> SessionIntake:
         if one.session == manifest.session
     ]
     return replace(intake, coding=span_rows(mine, intake.rows))
+
+
+def _without_limits(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return trials in which an answer that nobody gave in time has no time: earlier versions
+    recorded the limit.
+    """
+    for by in [str(name) for name in rows if str(name).endswith("_by")]:
+        ms = f"{by.removesuffix('_by')}_ms"
+        if ms in rows:
+            rows = rows.assign(**{ms: rows[ms].mask(rows[by] == NOTHING_IN_TIME)})
+    return rows
 
 
 def _clock_jump_ms(gaze: PartGaze, row: Mapping[Any, Any]) -> float | None:

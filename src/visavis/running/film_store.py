@@ -32,7 +32,6 @@ from visavis.lab.plain_files import parse_json, read_plain
 from visavis.lab.version import version
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.experiment import no_progress
-from visavis.recording.durable import replace_file
 from visavis.running.film_edges import refuse_cut_off
 from visavis.running.page.spoken_digits import spoken_digits
 from visavis.running.sound_store import require_fit
@@ -53,7 +52,12 @@ if TYPE_CHECKING:
     from visavis.stage.stills import Stills
     from visavis.study.moving_camera import FilmSeen
 
-NAMED_KEYS: Final = ("space", "trigger", "enter", "select", "left", "right", "up", "down")
+NAMED_KEYS: Final = (
+    *"space trigger enter select left right up down".split(),
+    *"tab escape backspace delete insert home end pageup pagedown shift".split(),
+    *(f"arrow{way}" for way in ("left", "right", "up", "down")),
+    *(f"f{number}" for number in range(1, 13)),
+)
 """Keys of a page, besides those called as what they type; trigger is space, select is enter."""
 ROLES_OF_PAGES: Final = ("sound", "responses", HANDS)
 """Roles that a page fills itself; hands only in a headset."""
@@ -295,7 +299,9 @@ class FilmStore:
             "quality": dict(FILM_QUALITY),
             "encoding": dict(ENCODING),
         }
-        replace_file(path.with_suffix(".json"), json.dumps(about).encode())
+        note = draft.with_suffix(".json")
+        note.write_text(json.dumps(about), encoding="utf-8")
+        note.replace(path.with_suffix(".json"))
         draft.replace(path)
 
 

@@ -15,6 +15,7 @@ from visavis.protocol.plan.steps import Ask, AskReply, FrameView, Scalar, Step
 from visavis.protocol.session.boards import (
     AHEAD,
     CONFIRM,
+    NOTHING_IN_TIME,
     Ray,
     Showing,
     Ways,
@@ -130,7 +131,7 @@ def await_press(
         if answer is not None:
             return answer
         if view.t_ns >= until_ns:
-            return Answer(None, "nothing in time", from_ns, view.t_ns, view)
+            return Answer(None, NOTHING_IN_TIME, from_ns, view.t_ns, view)
         yield from show_frame(each_frame(view))
         view = yield from frame(until_ns, each_frame)
 
@@ -148,7 +149,7 @@ def await_pointing(
             return Answer("", "ray", asked_ns, view.t_ns, view, ray.pose)
         yield from show_frame(each_frame(view))
         view = yield from frame()
-    return Answer(None, "nothing in time", asked_ns, view.t_ns, view)
+    return Answer(None, NOTHING_IN_TIME, asked_ns, view.t_ns, view)
 
 
 def direction_columns(

@@ -10,6 +10,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import FrameView, Mark, PlaySound, Scalar
+from visavis.protocol.session.boards import NOTHING_IN_TIME
 from visavis.stimuli.areas import areas_text
 from visavis.stimuli.audible import gain_db_of
 from visavis.stimuli.scene import SceneFrame
@@ -264,7 +265,7 @@ class LitTrial:
             off_ns = view.t_ns + view.surface.frame_ns
             self._note_shown(name, staged_scene, lit_ns, off_ns, frames)
         if answer is None:
-            answer = Answer(None, "nothing in time", on_ns, view.t_ns, view)
+            answer = Answer(None, NOTHING_IN_TIME, on_ns, view.t_ns, view)
         return answer
 
     def _show(

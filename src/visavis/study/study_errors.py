@@ -82,7 +82,9 @@ def _other_kinds(error: TypeError | AttributeError) -> list[str]:
     taker = _of_kit(owner if name == "__init__" else "", name)
     if taker is None:
         return []
-    return other_kinds(owner if name == "__init__" else f"t.{name}", taker, values)
+    if name == "__init__":
+        return other_kinds(owner, taker, values)
+    return other_kinds(f"t.{name}" if hasattr(TrialScript, name) else name, taker, values)
 
 
 def _what_moved(error: ImportError) -> str:

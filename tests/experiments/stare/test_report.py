@@ -218,8 +218,8 @@ def analysis_of_four(**settings):
 
 
 def methods(parameters=None, **settings):
-    found = analysis_of_four(**settings)
-    paragraphs = method_paragraphs(found, study_experiment(parameters or {}))
+    analysis = analysis_of_four(**settings)
+    paragraphs = method_paragraphs(analysis, study_experiment(parameters or {}))
     return " ".join(" ".join(paragraphs).split())
 
 

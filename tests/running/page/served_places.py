@@ -111,9 +111,10 @@ def served(place: Place, act: Callable[[str, Reception], Awaitable[Any]]) -> Any
 def serve_file(path: Path, text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make what places of this module serve the study that a file holds."""
     path.write_text(text, "utf-8")
-    found = find_study(str(path))
-    for name, made in (("study", found), ("experiment", found.experiment({}))):
-        monkeypatch.setattr(f"{__name__}.{name}", lambda made=made: made)
+    opened_study = find_study(str(path))
+    parts = {"study": opened_study, "experiment": opened_study.experiment({})}
+    for name, part in parts.items():
+        monkeypatch.setattr(f"{__name__}.{name}", lambda part=part: part)
 
 
 async def posted(base: str, path: str, body: dict[str, Any], key: str = "") -> dict[str, Any]:

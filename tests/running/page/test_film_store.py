@@ -437,5 +437,7 @@ def trial(t):
     path.write_text(text.replace("KEYS", keys), "utf-8")
     with pytest.raises(DesignError, match=re.escape(says)):
         require_roles_of_pages(find_study(str(path)).experiment({}))
-    path.write_text(text.replace("KEYS", '"answer", ["trigger", "1", "ü", "-"]'), "utf-8")
+    path.write_text(
+        text.replace("KEYS", '"answer", ["trigger", "1", "ü", "-", "tab", "escape", "f1"]'), "utf-8"
+    )
     require_roles_of_pages(find_study(str(path)).experiment({}))

@@ -59,7 +59,6 @@ TYPED_ERROR_01: Final = 0.10
 ASSUMED_SIZE_ERROR_01: Final = 0.25
 ASSUMED_DISTANCE_ERROR_01: Final = 0.25
 """Screens and habits differ: a size in degrees is then little more than an order of magnitude."""
-NO_PRESS: Final = "nothing in time"
 MAX_PATH: Final = 20_000
 """Places of a pointer in one part; more than five minutes of frames."""
 

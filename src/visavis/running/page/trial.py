@@ -6,9 +6,9 @@ from typing import Any, Final, TypeAlias
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.steps import Mark, Row, TrialInterrupted
+from visavis.protocol.session.boards import NOTHING_IN_TIME
 from visavis.running.live_store import until_on_page
 from visavis.running.page.flat import (
-    NO_PRESS,
     Sequence,
     pointer_events,
     shown_columns,
@@ -150,7 +150,7 @@ def _shown(
         return None
     pressed = content.get("answer")
     if pressed is None:
-        answer = Answer(None, NO_PRESS, from_ns, end_ns, script.view)
+        answer = Answer(None, NOTHING_IN_TIME, from_ns, end_ns, script.view)
     else:
         at_ns = reply.t_ns_of(number(pressed["at_ms"], "at_ms"))
         answer = Answer(pressed["option"], pressed["by"], from_ns, at_ns, still_view(at_ns))
