@@ -54,6 +54,7 @@ from visavis.study.films import LiveFilm as LiveFilm
 from visavis.study.films import Pair as Pair
 from visavis.study.films import Placed as Placed
 from visavis.study.films import Voice as Voice
+from visavis.study.gaze_on import WhenGazeOn as WhenGazeOn
 from visavis.study.gaze_on import gaze_on as gaze_on
 from visavis.study.held_keys import key_held as key_held
 from visavis.study.items import Items as Items

@@ -146,6 +146,7 @@ def test_an_answer_called_as_a_measure_is_refused(tmp_path: Path) -> None:
         ('t.show(Tone("440"))', "Tone: frequency_hz is '440'; it takes a number"),
         ('t.show(Text("a"), "2")', "t.show: seconds is '2'; it takes a number, without quotes"),
         ('t.show(Text("a"), 1, reveal="gaze", window_deg="5")', "t.show: window_deg is '5'"),
+        ('t.show(Text("a"), 1, until=gaze_on("a", "1"))', "gaze_on: seconds is '1'; it takes a n"),
         ('t.ask(Rating("nice", "1", 7))', "Rating: low is '1'; it takes a whole number"),
     ],
 )
@@ -153,7 +154,9 @@ def test_a_value_of_another_kind_is_refused_with_what_its_argument_takes(
     call: str, words: str, tmp_path: Path
 ) -> None:
     path = written(tmp_path, 't.ask(Rating("nice", 1, 7))', call)
-    path.write_text("from visavis import Grating, Text, Tone\n" + path.read_text("utf-8"), "utf-8")
+    path.write_text(
+        "from visavis import Grating, Text, Tone, gaze_on\n" + path.read_text("utf-8"), "utf-8"
+    )
     with pytest.raises(DesignError, match=f"meet.py, line 20: .*{words}"):
         find_study(str(path)).experiment({})
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
 from visavis.lab.chance import generator
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
@@ -52,6 +53,7 @@ from visavis.stimuli.scene import Scene, SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.stimuli.view_turns import ARROWS, MAX_PITCH_DEG, STEP_DEG
 from visavis.study.distances import WhenNear
+from visavis.study.gaze_on import WhenGazeOn
 from visavis.study.live import Live, LiveScene, Moulding
 from visavis.study.moulding import MouldingFrame, press_step
 from visavis.study.race import Race
@@ -80,6 +82,8 @@ HAND_REST: Final = (0.30, -0.85, -1.0)
 SEED_STEP: Final = 1_000_003
 """By how much the seed of what is simulated differs from one session of a person to the next."""
 PRESS_S: Final = 0.1
+LOOK_STEP_NS: Final = 10_000_000
+"""In steps of what length people foresee where they will look."""
 POINTER_STOP_S: Final = 0.6
 """How long a pointer rests on what it reveals."""
 AROUND_REACH: Final = 3.0
@@ -123,6 +127,12 @@ class StudyPerson(Observer):
     _turns: int
     _familiar_areas: frozenset[str]
     """Areas that a window which follows gaze has uncovered in what is shown."""
+    _search: WhenGazeOn | None
+    """What they look for in what is shown, to press when they look at it."""
+    _search_ends_ns: int
+    _search_press_ns: int | None
+    _search_plan: int
+    """The `plan_number` for which it is foreseen when they come to look at it."""
 
     def __init__(
         self,
@@ -194,6 +204,8 @@ class StudyPerson(Observer):
             self._look_around(scene, view.turned_deg, t_display_ns)
         if isinstance(scene, FlatScene) and view.window_at is not None:
             self._uncover(scene, view.window_at)
+        if self._search is not None:
+            self._foresee_press(self._search, t_display_ns)
 
     # ---- Body ----
 
@@ -278,21 +290,14 @@ class StudyPerson(Observer):
         """Return where this person moves a pointer over a picture with areas of interest: from when
         on, in seconds, and degrees to the right and upwards.
         """
-        sheets = areas_of(scene)
-        if not sheets:
+        if not areas_of(scene):
             return []
-        layout = PictureLayout(scene, sheets, np.zeros(3))
-        rng = self._rng(_POINTER_STREAM, self.stretch())
-        path, t_s, last = [], STEP_S, -1
-        while t_s < seconds:
-            appeal = self._appeal_of(layout).copy()
-            if last >= 0:
-                appeal[last] = 0.0
-            last = int(rng.choice(len(appeal), p=appeal / appeal.sum()))
-            x, y, z = layout.targets["direction"][last].tolist()
+        layout, stops = self._pointer_stops(scene, seconds)
+        path = []
+        for t_s, place in stops:
+            x, y, z = layout.targets["direction"][place].tolist()
             right_deg, up_deg = (float(np.degrees(np.arctan2(v, -z))) for v in (x, y))
             path.append((t_s, right_deg, up_deg))
-            t_s += float(POINTER_STOP_S * np.exp(THINKING_LOG_SD * rng.standard_normal()))
         return path
 
     # ---- KeyPresser ----
@@ -420,6 +425,72 @@ class StudyPerson(Observer):
             right_deg, up_deg = right_deg + right * STEP_DEG, up_deg + up * STEP_DEG
         self._goal_deg = right_deg, up_deg
 
+    def _pointer_stops(
+        self, scene: FlatScene, seconds: float
+    ) -> tuple[PictureLayout, list[tuple[float, int]]]:
+        """Return the areas of a picture on a page, and when a pointer comes to which of them."""
+        layout = PictureLayout(scene, areas_of(scene), np.zeros(3))
+        rng = self._rng(_POINTER_STREAM, self.stretch())
+        stops, t_s, last = [], STEP_S, -1
+        while t_s < seconds:
+            appeal = self._appeal_of(layout).copy()
+            if last >= 0:
+                appeal[last] = 0.0
+            last = int(rng.choice(len(appeal), p=appeal / appeal.sum()))
+            stops.append((t_s, last))
+            t_s += float(POINTER_STOP_S * np.exp(THINKING_LOG_SD * rng.standard_normal()))
+        return layout, stops
+
+    def _finds_after_s(self, search: WhenGazeOn, limit_s: float) -> float | None:
+        """Begin to look for an area in what is shown; return how long after its onset the person
+        presses, as far as they foresee; None if they do not come to it.
+        """
+        view = self._first
+        if view is None:
+            return None
+        scene = view.scene
+        if isinstance(scene, FlatScene) and scene.head is None and areas_of(scene):  # on a page
+            layout, stops = self._pointer_stops(scene, limit_s)
+            place = search.place_among(layout.names)
+            comes_s = next((t_s for t_s, at in stops if at == place), None)
+            return None if comes_s is None else comes_s + search.seconds + search.other_s
+        self._search = search
+        self._search_ends_ns = self._first_ns + round(limit_s * NS_PER_S)
+        press_ns = self._search_press_ns = self._foreseen_press_ns(search, self._first_ns)
+        return None if press_ns is None else (press_ns - self._first_ns) / NS_PER_S
+
+    def _foresee_press(self, search: WhenGazeOn, now_ns: int) -> None:
+        """Press at another time if what is seen has changed where the person will look."""
+        if self._search_press_ns is not None and self._search_press_ns <= now_ns:
+            self._search = None  # it is pressed
+            return
+        if self._search_plan == self._plan_number:
+            return
+        self._hand.press_no_more([search.option])
+        begin_ns = now_ns - round(search.seconds * NS_PER_S)
+        press_ns = self._search_press_ns = self._foreseen_press_ns(search, begin_ns)
+        if press_ns is not None:
+            self._hand.press(press_ns, search.option)
+
+    def _foreseen_press_ns(self, search: WhenGazeOn, from_ns: int) -> int | None:
+        """Return when the person has looked at an area for long enough and presses."""
+        what = self._layout
+        place = search.place_among(what.names if isinstance(what, PictureLayout) else ())
+        self._search_plan = self._plan_number
+        t_ns = np.arange(max(from_ns, self._first_ns), self._search_ends_ns, LOOK_STEP_NS)
+        if not len(t_ns):
+            return None
+        is_here = np.zeros(len(t_ns), np.bool_)
+        for run, eyes, positions_m, orientations, targets in self._senses_ahead(t_ns):
+            area = targets[place]
+            at_m = self._seat + area["direction"] * area["distance_m"]
+            looks = rotate(orientations, unit(eyes[:, :3] + eyes[:, 3:6]))
+            cosine = np.einsum("ij,ij->i", looks, unit(at_m - positions_m))
+            within_rad = area["radius_rad"] + np.radians(DEFAULT_PAD_DEG)
+            is_there = area["appeal"] > 0 or self._appeal[place] == 0  # else it is gone for a time
+            is_here[run] = is_there & (cosine > np.cos(within_rad))
+        return search.press_ns(t_ns, is_here)
+
     def _forget(self) -> None:
         self._first: SceneFrame | None = None
         self._last: SceneFrame | None = None
@@ -440,6 +511,7 @@ class StudyPerson(Observer):
         self._turned_deg = self._goal_deg = 0.0, 0.0
         self._turns = 0
         self._familiar_areas = frozenset()
+        self._search = None
 
     def _see_figure(self, view: MouldingFrame, t_ns: int) -> None:
         """At first sight of a figure to mould: look at it, and press what moulds it."""
@@ -522,6 +594,9 @@ class StudyPerson(Observer):
         if self._last is None or view.scene is not self._last.scene:
             self._first, self._first_ns = view, t_ns
             self._contact_ns, self._contact = np.zeros(n), np.zeros(n, np.bool_)
+            if self._search is not None:
+                self._hand.press_no_more([self._search.option])
+                self._search = None
             self._press_when_noticed(view, t_ns)
         else:
             self._contact_ns[self._contact] += t_ns - self._last_ns
@@ -572,6 +647,9 @@ class StudyPerson(Observer):
             takes_s = None
             if self._first is not None:
                 takes_s = reply.seconds(self._first, self._first_ns, self._seat, response.limit_s)
+            reply = None if takes_s is None else reply.option
+        if isinstance(reply, WhenGazeOn) and isinstance(response, Keys):
+            takes_s = self._finds_after_s(reply, response.limit_s)
             reply = None if takes_s is None else reply.option
         if reply is None:
             return None, None

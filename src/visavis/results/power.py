@@ -62,6 +62,7 @@ from visavis.study.conditions import with_people
 from visavis.study.declaration import Study
 from visavis.study.distances import WhenNear
 from visavis.study.experiment import StudyExperiment
+from visavis.study.gaze_on import WhenGazeOn
 from visavis.study.measures import aggregate_cells, count_column
 from visavis.study.pairs import Correlate, Family, Pairs
 from visavis.study.race import Race
@@ -238,7 +239,8 @@ class KitPower:
         def note(view: Seen, response: Response, rng: np.random.Generator) -> Any:
             reply = answer_of(view, response, rng)
             if reply is not None:
-                has_time.setdefault(response.name, set()).add(isinstance(reply, Race | WhenNear))
+                is_timed = isinstance(reply, Race | WhenNear | WhenGazeOn)
+                has_time.setdefault(response.name, set()).add(is_timed)
             return reply
 
         watching_study = replace(

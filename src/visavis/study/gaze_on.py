@@ -73,7 +73,55 @@ def gaze_on(name: str, seconds: float, *, pad_deg: float = DEFAULT_PAD_DEG) -> G
     Raises:
         DesignError: a value is not possible.
     """
-    return GazeOn(name, float(seconds), float(pad_deg))
+    return GazeOn(name, seconds, pad_deg)
+
+
+@dataclass(frozen=True)
+class WhenGazeOn:
+    """What a simulated person's answer to `Keys` may be: to press `option` once they have looked at
+    an area for `seconds` without looking elsewhere, and `other_s` later, which deciding and
+    pressing take.
+
+    Who does not come to look at it so long has not found it: nothing is pressed. On a page, where
+    nobody's eyes are simulated, it is the pointer that comes to the area.
+
+    Raises:
+        DesignError: a number is not possible.
+    """
+
+    option: str
+    area: str
+    seconds: float = 0.1
+    other_s: float = 0.35
+
+    def __post_init__(self) -> None:
+        if not (0 < self.seconds < 60 and 0 <= self.other_s < np.inf):
+            raise DesignError(
+                f"WhenGazeOn: seconds is {self.seconds:g} and other_s {self.other_s:g}; give "
+                "seconds above 0 and below 60, and from 0"
+            )
+
+    def place_among(self, names: Sequence[str]) -> int:
+        """Return the place of the area among those that are shown.
+
+        Raises:
+            DesignError: it is not there.
+        """
+        if self.area not in names:
+            near = did_you_mean(self.area, names) or "; nothing that is shown has an area"
+            raise DesignError(f"WhenGazeOn: there is no area {self.area!r}{near}")
+        return names.index(self.area)
+
+    def press_ns(self, t_ns: npt.NDArray[np.int64], is_here: npt.NDArray[np.bool_]) -> int | None:
+        """Return when the option is pressed, given whether gaze is on the area (n,) at times (n,);
+        None if no look is long enough.
+        """
+        begins = is_here & ~np.concatenate([[False], is_here[:-1]])
+        begins_ns = np.maximum.accumulate(np.where(begins, t_ns, t_ns[0]))
+        long_enough = is_here & (t_ns - begins_ns >= self.seconds * NS_PER_S)
+        if not long_enough.any():
+            return None
+        return int(t_ns[np.argmax(long_enough)]) + round(self.other_s * NS_PER_S)
 
 
 class GazeWatch:

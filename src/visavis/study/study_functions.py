@@ -147,8 +147,9 @@ PeopleOf: TypeAlias = Callable[[Mapping[str, Any]], int]
 PrepareOf: TypeAlias = Callable[[ExperimentOfStudy], Sequence[Callable[[], object]]]
 """Calls that load or compute something before a session."""
 AnswerOf: TypeAlias = Callable[[Seen, Response, np.random.Generator], Any]
-"""The answer of a simulated person: an option (or text), a `Race` for one with a time, or
-`WhenNear` for one at a distance; None leaves the question out."""
+"""The answer of a simulated person: an option (or text), a `Race` for one with a time,
+`WhenNear` for one at a distance, or `WhenGazeOn` for one after a look; None leaves the question
+out."""
 PersonOf: TypeAlias = Callable[[int, int, bool, ExperimentOfStudy], SimulatedParticipant]
 """The simulated participant at a place in the order, for a seed, with or without an effect."""
 ScaledOf: TypeAlias = Callable[[int, int, float, ExperimentOfStudy], SimulatedParticipant]

@@ -130,6 +130,27 @@ def test_simulated_people_uncover_what_is_salient(tmp_path: Path) -> None:
     assert "pointer" in facts
 
 
+def test_simulated_people_press_when_the_pointer_has_come_to_what_they_look_for(
+    tmp_path: Path,
+) -> None:
+    rule = """
+from visavis import WhenGazeOn
+
+@study.answer
+def answer(seen, response, rng):
+    return WhenGazeOn("f", "door", seconds=0.1, other_s=0.4)
+"""
+    request = request_of(tmp_path, STUDY.replace("repetitions=2", "repetitions=9") + rule)
+    rows = request.study.measure(Recording(perform_page(request))).rows
+    presses = rows[rows["answer_ms"].notna()]
+    assert 500 == pytest.approx(
+        (presses["answer_ms"] - presses["door_pointer_first_ms"]).median(), abs=20
+    )
+    silent = rows[rows["answer_ms"].isna()]
+    assert silent["door_pointer_first_ms"].isna().all()
+    assert len(presses) > len(silent) > 0
+
+
 def test_such_a_study_is_sound_and_its_power_can_be_simulated(tmp_path: Path) -> None:
     opened(tmp_path)
     check_study(tmp_path / "windows.py")

@@ -240,12 +240,10 @@ class Observer(PressesNothing):
 
     def eyes_ahead(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
         """Return eye states (n,) at times of which the last are coming, likewise."""
-        n = t_ns.shape[0]
-        eyes, positions, orientations = np.empty((n, 8)), np.empty((n, 3)), np.empty((n, 4))
-        records = _copy_of(self._mind), _copy_of(self._segments), _copy_of(self._targets)
-        for run in self._runs(t_ns, records, is_ahead=True):
-            self._sense(records, t_ns[run], eyes[run], positions[run], orientations[run])
-        return np.ndarray((n,), EYES_DTYPE, eyes)
+        eyes = np.empty((t_ns.shape[0], 8))
+        for run, some, _, _, _ in self._senses_ahead(t_ns):
+            eyes[run] = some
+        return np.ndarray((len(eyes),), EYES_DTYPE, eyes)
 
     def stretch(self) -> int:
         """Return the number of the present stretch of behaviour."""
@@ -303,6 +301,19 @@ class Observer(PressesNothing):
             positions,
             orientations,
         )
+
+    def _senses_ahead(
+        self, t_ns: npt.NDArray[np.int64]
+    ) -> Iterator[tuple[slice, Vector, Vector, Vector, npt.NDArray[np.void]]]:
+        """Yield runs of times (n,) of which the last are coming, and for each eye states (k, 8),
+        head positions (k, 3) and orientations (k, 4), and the targets as they are then.
+        """
+        records = _copy_of(self._mind), _copy_of(self._segments), _copy_of(self._targets)
+        for run in self._runs(t_ns, records, is_ahead=True):
+            k = len(t_ns[run])
+            eyes, positions, orientations = np.empty((k, 8)), np.empty((k, 3)), np.empty((k, 4))
+            self._sense(records, t_ns[run], eyes, positions, orientations)
+            yield run, eyes, positions, orientations, records[2]
 
     def _runs(
         self,
