@@ -213,6 +213,11 @@ ON_THE_WAY = "area ball turns inside out or crosses itself on the way from 1 to 
                 [[20, 20], [20, 30], [30, 30], [30, 20]],
             )
         ),
+        (  # inside out from .33 to .43 of the way alone
+            "[{t_s: 1, polygon: [[71, 23], [3, 30], [40, 13]]}, "
+            "{t_s: 2, polygon: [[18, 6], [76, 69], [38, 69]]}]",
+            ON_THE_WAY,
+        ),
         (f"[{{t_s: 1, {SQUARE}}}, {{t_s: 2, frame: 3, {SQUARE}}}]", "its t_s or its frame"),
         (f"[{{{SQUARE}}}, {{t_s: 2, {SQUARE}}}]", "its t_s or its frame"),
         (f"[{{t_s: 1, {SQUARE}}}, {{t_s: soon, {SQUARE}}}]", "t_s is 'soon'; a number"),

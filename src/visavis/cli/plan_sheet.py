@@ -1,6 +1,6 @@
 """What `visavis plan` prints: trials in their order, for whom, and the light of what they show."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Final
 
@@ -84,15 +84,42 @@ def screen_words(lab: LabConfig, experiment: StudyExperiment) -> list[str]:
     return lines[:MAX_LINES]
 
 
-def letter_words(experiment: StudyExperiment) -> list[str]:
-    """Return which letters of texts no font has; they are drawn as boxes."""
+def letter_words(experiment: StudyExperiment, session_plan: SessionPlan) -> list[str]:
+    """Return which letters of texts and boards no font has; they are drawn as boxes."""
+    lines = []
     texts = [item.text for item in experiment.flats if isinstance(item, Text)]
-    missing = dict.fromkeys(c for text in texts for c in missing_characters(text))
-    if not missing:
+    if missing := _letters_without_font(texts):
+        lines.append(
+            f"no font of Visavis has {' '.join(missing)}, which Text shows as boxes; show words "
+            "with such letters as an Image"
+        )
+    boards = [block.instruction for block in session_plan.blocks]
+    for words, response in experiment.words.items():
+        boards += [words, *map(str, response.options)]
+    if missing := _letters_without_font(boards):
+        lines.append(
+            f"no font of Visavis has {' '.join(missing)}, which boards show as boxes; write "
+            "questions, answers and instructions without"
+        )
+    return lines
+
+
+def _letters_without_font(texts: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(c for text in texts for c in missing_characters(text)))
+
+
+def item_words(experiment: StudyExperiment, session_plan: SessionPlan) -> list[str]:
+    """Return how many rows of the study's table this person does not see."""
+    table = experiment.item_table
+    if table is None:
+        return []
+    seen = {t.factors[table.name] for block in session_plan.blocks for t in block.trials}
+    rest = len(table.rows) - len(seen)
+    if rest <= 0:
         return []
     return [
-        f"no font of Visavis has {' '.join(missing)}, which Text shows as boxes; show words with "
-        "such letters as an Image"
+        f"{table.file} has {count_of(len(table.rows), 'row')}, of which this person sees "
+        f"{len(seen)}: there are no trials for the other {rest}"
     ]
 
 

@@ -209,7 +209,13 @@ def _turns_over(outline: Outline, later: Outline) -> bool:
     """Tell whether an outline is flat or crosses itself on the way to a later one."""
     begin, end = np.array(outline), np.array(later)
     ways = [begin + share * (end - begin) for share in ON_THE_WAY]
-    areas_px2 = [signed_size_px2(corners) for corners in ways]
+    # The size is a parabola of the share, here through its values at begin, middle and end.
+    first, middle, last = (signed_size_px2(ways[k]) for k in (0, len(ways) // 2, -1))
+    bend, slope = 2.0 * (first + last - 2.0 * middle), 4.0 * middle - 3.0 * first - last
+    turn = -slope / (2.0 * bend) if bend else 0.0
+    areas_px2 = [first, last]
+    if 0.0 < turn < 1.0:
+        areas_px2.append(first + slope * turn + bend * turn**2)
     is_flat = min(areas_px2) <= 0 <= max(areas_px2)
     return is_flat or any(_crossing(corners) is not None for corners in ways[1:-1])
 

@@ -91,6 +91,8 @@ class TrialRead:
     """What makes pictures of its scenes: "module:function"."""
     staircases: tuple[Staircase | QuestPlus, ...] = ()
     """The staircases of which a level is asked."""
+    still_staircases: frozenset[str] = frozenset()
+    """The names of those that hear nothing of an answer."""
     areas_of: Mapping[str, frozenset[str]] = field(default_factory=dict)
     """The names of the areas of interest in each of its flat stimuli, by how its columns begin."""
     rests_on: frozenset[str] = frozenset()
@@ -287,6 +289,9 @@ def read_trial(
             vibrating_roles=tuple(dict.fromkeys(vibrating_roles)),
             dressings=frozenset(dressings - {""}),
             staircases=tuple(script.staircases.values()),
+            still_staircases=frozenset(
+                name for name in script.staircases if script.row[f"{name}_is_right"] is None
+            ),
             areas_of=areas_of,
             rests_on=frozenset(
                 rests_on

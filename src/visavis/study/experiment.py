@@ -481,6 +481,18 @@ class StudyExperiment:
         return tuple(problems)
 
     @property
+    def still_staircases(self) -> tuple[str, ...]:
+        """The staircases whose level never moves: no condition lets them hear of an answer."""
+        all_names = {s.name for trial in self.read.values() for s in trial.staircases}
+        moves = {
+            s.name
+            for trial in self.read.values()
+            for s in trial.staircases
+            if s.name not in trial.still_staircases
+        }
+        return tuple(sorted(all_names - moves))
+
+    @property
     def areas_in_part(self) -> tuple[str, ...]:
         """Of each measured area that some conditions with areas lack, or show as something other
         than is measured: how many, and which first.

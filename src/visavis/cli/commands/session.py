@@ -35,6 +35,7 @@ from visavis.cli.notifier import counting, make_ready, prepare_pages
 from visavis.cli.operator_screen import TerminalOperator
 from visavis.cli.plan_sheet import (
     as_operators_read,
+    item_words,
     letter_words,
     luminance_words,
     print_plan,
@@ -167,25 +168,27 @@ def plan(
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
     here = study_here(study, lab)
     plan_inputs = plan_inputs_of(here, participant, seed, assignments, language)
-    lines_of_screen: list[str] = []
+    lines: list[str] = []
     if here.study.study.procedure.on == "lab":  # a page needs none of the lab's devices
         plan_inputs.experiment.check_at_devices()
         check_rig(devices_for(lab, plan_inputs.experiment))
-        lines_of_screen = luminance_words(lab, plan_inputs.experiment)
-        lines_of_screen += screen_words(lab, plan_inputs.experiment)
-        lines_of_screen += letter_words(plan_inputs.experiment)
+        lines = luminance_words(lab, plan_inputs.experiment)
+        lines += screen_words(lab, plan_inputs.experiment)
     else:
         film_store(plan_inputs.experiment)  # raises where no page can perform it
         require_roles_of_pages(plan_inputs.experiment)
         plan_inputs.experiment.check_in_headset()
     experiment = plan_inputs.experiment.of_session(session)
     session_plan = experiment.plan(plan_inputs.index, plan_inputs.seed, plan_inputs.group)
+    lines += item_words(experiment, session_plan)
+    if here.study.study.procedure.on == "lab":  # a browser has fonts of its own
+        lines += letter_words(experiment, session_plan)
     session_plan = as_operators_read(session_plan, here.study.study)
     if as_json:
         say_json(asdict(session_plan))
     else:
         print_plan(session_plan, plan_inputs.label, plan_inputs.note, experiment)
-        for line in lines_of_screen:
+        for line in lines:
             console.print(f"[dim]{verbatim(line)}[/]", soft_wrap=True)
     if not as_json:
         for voice in plan_inputs.experiment.voices:
@@ -195,6 +198,12 @@ def plan(
                 "between both), for which the lab needs the role sound",
                 soft_wrap=True,
             )
+    for name in plan_inputs.experiment.still_staircases:
+        errors.print(
+            f"[yellow]no trial lets the staircase {verbatim(name)} hear of an answer, so that its "
+            "level never moves: call its take(answer.is_right)[/]",
+            soft_wrap=True,
+        )
     for note in plan_inputs.experiment.areas_in_part:
         errors.print(f"[yellow]{verbatim(note)}[/]", soft_wrap=True)
     for problem in plan_inputs.experiment.unplayable:
