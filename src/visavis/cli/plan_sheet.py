@@ -113,13 +113,13 @@ def item_words(experiment: StudyExperiment, session_plan: SessionPlan) -> list[s
     table = experiment.item_table
     if table is None:
         return []
-    seen = {t.factors[table.name] for block in session_plan.blocks for t in block.trials}
-    rest = len(table.rows) - len(seen)
+    rows_here = {t.factors[table.name] for block in session_plan.blocks for t in block.trials}
+    rest = len(table.rows) - len(rows_here)
     if rest <= 0:
         return []
     return [
         f"{table.file} has {count_of(len(table.rows), 'row')}, of which this person sees "
-        f"{len(seen)}: there are no trials for the other {rest}"
+        f"{len(rows_here)}: there are no trials for the other {rest}"
     ]
 
 
