@@ -442,12 +442,13 @@ class GazeObserver:
             np.empty((3, n, geometry.heads.shape[0])),
             np.empty(n, np.int16),
         )
+        heads_m = geometry.heads_at(batch.t_device_ns + (self.clock_offset_ns - self._delay_ns))
         valid_count = _evaluate(
             _Samples(np.frombuffer(batch.values.tobytes(), np.uint8), batch.seq, batch.t_device_ns),
             self.clock_offset_ns - self._delay_ns,
             frames,
             heads.poses,
-            geometry.heads_at(batch.t_device_ns + (self.clock_offset_ns - self._delay_ns)),
+            heads_m,
             geometry.capsules,
             geometry.is_lit,
             gaze,
@@ -455,6 +456,10 @@ class GazeObserver:
             at,
         )
         rays, per_head = gaze.rays, gaze.per_head
+        if geometry.room is not None:
+            geometry.hide(rays[1], rays[0], heads_m, per_head, gaze.hit)
+            columns.hit[at : at + n] = gaze.hit
+            columns.pad_limit_deg[at : at + n] = per_head[2]
         view = GazeView(
             gaze.t_ns, gaze.valid, rays[0], rays[1], per_head[0], per_head[1], per_head[2], gaze.hit
         )

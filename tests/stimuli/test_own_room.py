@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 
 from tests.stimuli.glb_room import ROOM, Box, write_room
+from visavis.analysis.gaze.aoi import NONE, aoi_of_samples
 from visavis.lab.errors import DataError, DesignError
-from visavis.lab.geometry import unit
+from visavis.lab.geometry import quat_from_yaw_pitch_deg, rotate, unit
 from visavis.stimuli.areas import areas_text, areas_under, read_areas_text, rooms_in
 from visavis.stimuli.dressing import own_room
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.own_room import PlacedRoom, Room
 from visavis.stimuli.room_areas import read_shape_text
 from visavis.stimuli.room_shape import areas_of_room, shape_of
-from visavis.stimuli.scene import Scene, SceneFrame
+from visavis.stimuli.scene import Agent, Scene, SceneFrame
+from visavis.stimuli.visibility import SceneGeometry
 
 EYE = np.array([0.0, 1.2, 0.0])
 NAMES = ("floor", "Red_lamp_001", "cupboard", "behind")
@@ -67,6 +69,25 @@ def test_the_picture_of_a_scene_has_the_room_that_gaze_meets(folder):
     assert ["Red_lamp_001"] == met(areas_of_room(scene.room), middle_m)
     red, green, _ = lamp.mesh.colour_srgb[0].tolist()
     assert red > 200 > 60 > green
+
+
+@pytest.mark.parametrize(
+    ("depth_m", "beside_deg", "expected"),
+    [(4.0, 0.0, NONE), (4.0, 2.4, NONE), (1.2, 0.0, 0), (1.2, 6.2, 0), (1.2, 7.0, NONE)],
+    ids=["behind it", "in the pad of one behind it", "before it", "in the pad", "beyond the pad"],
+)
+def test_a_head_is_looked_at_before_a_mesh_and_not_behind_one(
+    folder, depth_m, beside_deg, expected
+):
+    """The cupboard is 2 m away; a head of 12 cm is 1.7 or 5.7 degrees around, its pad one more."""
+    towards = unit(np.array([0.45, 1.2, -3.0]) - EYE)
+    centre_m = EYE + depth_m * towards
+    head = Agent("a", "c", "", centre_m, 0.12, np.array([0.0, 0.0, 1.0]), centre_m)
+    geometry = SceneGeometry.from_scene(Scene("room", (head,), room=placed(folder)))
+    ray = rotate(quat_from_yaw_pitch_deg(-beside_deg), towards)[None]
+    angle, radius, pad_limit, hit = geometry.observe(EYE[None], ray, np.ones(1, np.bool_))
+    assert [expected] == aoi_of_samples(angle, radius, pad_limit, hit, pad_deg=1.0).tolist()
+    assert ["cupboard"] == met(geometry.room, EYE + ray[0])
 
 
 def test_an_event_holds_what_gaze_needs(folder):

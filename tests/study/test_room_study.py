@@ -14,6 +14,7 @@ from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DataError, DesignError
 from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import find_study
+from visavis.results.reevaluation import targets_again
 from visavis.running.film_store import film_store
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.recorded_design import changes_since, design_of, in_words
@@ -91,6 +92,24 @@ def test_simulated_people_look_at_things_and_are_measured_from_the_recording_alo
     assert theirs.get_group("nobody").isna().all()
     assert theirs.get_group("somebody").sum() > 0
     assert 1 == len(recording.events_named(ROOM_SHAPE, 1))
+
+
+def test_gaze_at_a_head_behind_a_cupboard_is_on_the_cupboard_and_is_evaluated_again_so(tmp_path):
+    person = 'Scene("person", room=OFFICE, distance_m=3.4, bearing_deg=BEARING)'
+    dwell_ms = {}
+    for bearing_deg in (8.5, -2.0):  # behind the cupboard, and beside it
+        folder = tmp_path / f"{bearing_deg:g}"
+        folder.mkdir()
+        line = f"yield t.show({person.replace('BEARING', str(bearing_deg))}, seconds=6)"
+        study = written(folder, line)
+        recording = performed(folder, study, EXAMPLE)
+        rows = study.measure(recording).rows
+        dwell_ms[bearing_deg] = rows["their_person_dwell_ms"].sum()
+        targets = recording.stream_arrays("gaze_targets")
+        again = targets_again(recording, study.views_of, 1)
+        assert targets["hit"].tolist() == again["hit"].tolist()
+        assert targets["pad_limit_deg"] == pytest.approx(again["pad_limit_deg"], nan_ok=True)
+    assert dwell_ms[8.5] == 0 < dwell_ms[-2.0]
 
 
 def test_the_hash_of_the_room_is_recorded_and_locked(session):

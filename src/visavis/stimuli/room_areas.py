@@ -153,6 +153,10 @@ class RoomAreas:
         """
         return self._first(origin_m, direction)[1].astype(np.int16)
 
+    def distance_m(self, origin_m: Vector, direction: Vector) -> Vector:
+        """Return how far each ray (n, 3) of unit length in world goes to a mesh; inf to none."""
+        return self._first(origin_m, direction)[0]
+
     def _first(self, origin_m: Vector, direction: Vector) -> tuple[Vector, npt.NDArray[np.int64]]:
         """Return how far each ray goes, in lengths of its direction, and the area that ends it."""
         origin = np.ascontiguousarray(origin_m, np.float64)

@@ -5,18 +5,22 @@ angle counts as a look) is analysis' business; here is only the geometry it need
 """
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.compiled import compiled
-from visavis.lab.geometry import Vector
+from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.moving_heads import MovingHeads, moving_heads
+from visavis.stimuli.room_areas import RoomAreas
+from visavis.stimuli.room_shape import areas_of_room
 from visavis.stimuli.scene import Scene
 
 HIT_NOTHING = -1
 HIT_LOST = -2
+BESIDE_DEG: Final = 10.0
+"""How far beside a head it is asked whether a room's mesh is before it; no pad is usually more."""
 
 Observation = tuple[
     npt.NDArray[np.float64],
@@ -223,20 +227,24 @@ class SceneGeometry:
     """The surfaces of a scene packed for ray tests.
 
     `heads` (m, 4): centre and radius in metres; `capsules` (c, 7): start, end and radius. Heads
-    that have a `course` are there at the onset only.
+    that have a `course` are there at the onset only. The meshes of a laboratory's own `room` hide
+    what is behind them.
     """
 
     heads: npt.NDArray[np.float64]
     capsules: npt.NDArray[np.float64]
     is_lit: bool
     course: MovingHeads | None = None
+    room: RoomAreas | None = None
 
     @classmethod
     def from_scene(cls, scene: Scene) -> Self:
         """Pack a scene's heads and occluders; agent order is the scene's."""
         heads = np.array([[*a.head_centre_m, a.head_radius_m] for a in scene.agents]).reshape(-1, 4)
         capsules = np.array([[*c.start_m, *c.end_m, c.radius_m] for c in scene.occluders])
-        return cls(heads, capsules.reshape(-1, 7), scene.brightness_01 > 0, moving_heads(scene))
+        is_lit = scene.brightness_01 > 0
+        room = areas_of_room(scene.room) if scene.room and scene.agents and is_lit else None
+        return cls(heads, capsules.reshape(-1, 7), is_lit, moving_heads(scene), room)
 
     def heads_at(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
         """Return the heads at session times (n,): (n, m, 4), or (1, m, 4) if they never move."""
@@ -265,14 +273,48 @@ class SceneGeometry:
         n = origin_m.shape[0]
         out = np.empty((3, n, self.heads.shape[0]))
         hit = np.empty(n, np.int16)
+        heads = self.heads[None] if t_ns is None else self.heads_at(t_ns)
         observe_rays(
             np.ascontiguousarray(origin_m, np.float64),
             np.ascontiguousarray(direction, np.float64),
             np.ascontiguousarray(valid, np.bool_),
-            self.heads[None] if t_ns is None else self.heads_at(t_ns),
+            heads,
             self.capsules,
             self.is_lit,
             out,
             hit,
         )
+        self.hide(origin_m, unit(direction), heads, out, hit)
         return out[0], out[1], out[2], hit
+
+    def hide(
+        self,
+        origin_m: Vector,
+        direction: Vector,
+        heads: npt.NDArray[np.float64],
+        per_head: npt.NDArray[np.float64],
+        hit: npt.NDArray[np.int16],
+    ) -> None:
+        """Change what `observe_rays` found of rays (n, 3) that a mesh of the room ends before a
+        head: it is not met, and no pad around it holds them.
+        """
+        if self.room is None:
+            return
+        angle_deg, radius_deg, pad_limit_deg = per_head
+        with np.errstate(invalid="ignore"):
+            near = np.flatnonzero((angle_deg <= radius_deg + BESIDE_DEG).any(axis=1))
+        if not len(near):
+            return
+        surface_m = self.room.distance_m(origin_m[near], direction[near])[:, None]
+        at = heads[near] if len(heads) > 1 else np.repeat(heads, len(near), axis=0)
+        to_head_m, radius_m = np.linalg.norm(at[..., :3] - origin_m[near, None], axis=2), at[..., 3]
+        # A ray through the head meets it later than the head's nearest point is away.
+        along_m = to_head_m * np.cos(np.radians(angle_deg[near]))
+        depth_m2 = radius_m**2 - to_head_m**2 + along_m**2
+        meets_m = np.where(depth_m2 >= 0, along_m - np.sqrt(np.maximum(depth_m2, 0)), np.inf)
+        meets_m = np.where(np.isfinite(meets_m), meets_m, to_head_m - radius_m)
+        is_hidden = surface_m < meets_m
+        pad_limit_deg[near] = np.where(is_hidden, 0.0, pad_limit_deg[near])
+        of_hit = hit[near]
+        hides_hit = (of_hit >= 0) & is_hidden[np.arange(len(near)), np.maximum(of_hit, 0)]
+        hit[near[hides_hit]] = HIT_NOTHING

@@ -96,7 +96,7 @@ def gaze_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea 
     for role, agent in roles.items():
         first_role.setdefault(agent, role)
     same = {role: first_role[agent] for role, agent in roles.items()}
-    if has_people:  # whose heads are before the things of a room
+    if has_people:  # whose heads, where no mesh hides them, are before the things of a room
         agents = samples.areas(pad_deg)
         for agent, role in first_role.items():
             area[agents == agent] = len(names) + tuple(roles).index(role)
@@ -156,8 +156,8 @@ def looks_at(
 
     `scene` is the name of the columns of what is shown ("stimulus2" for the second of a trial);
     roles of people in a scene ("left") are areas too. `pad_deg` widens areas to where no other is.
-    A trial that shows no such area has no value. In a `Room` heads count before meshes whatever
-    their distance: gaze that ends on a wall or pillar before a head is on the head.
+    A trial that shows no such area has no value. In a `Room` heads count before the meshes behind
+    them, within their pad too.
 
     Raises:
         DesignError: no area is named.

@@ -65,10 +65,10 @@ def gaze_on(name: str, seconds: float, *, pad_deg: float = DEFAULT_PAD_DEG) -> G
     """Return the condition that somebody has looked at an area, by its name, or at the person of a
     role, for so long without looking elsewhere: `t.show(…, 5, until=gaze_on("cross", 0.5))`.
 
-    Losses of up to 75 ms do not end a look. In a `Room` heads count before meshes whatever their
-    distance. Columns: `NAME_gaze_on_ns`, when the look began (empty
-    where time ran out), and `NAME_gaze_delay_ms`, the delay from the sample that decided to the
-    first frame without the stimulus.
+    Losses of up to 75 ms do not end a look. In a `Room` heads count before the meshes behind them.
+    Columns: `NAME_gaze_on_ns`, when the look began (empty where time ran out), and
+    `NAME_gaze_delay_ms`, the delay from the sample that decided to the first frame without the
+    stimulus.
 
     Raises:
         DesignError: a value is not possible.
@@ -178,7 +178,7 @@ class GazeWatch:
             self._condition.pad_deg,
             gaze.t_ns,
         )
-        is_here = (under == 0) & (agents < 0)  # heads are before the things of a room
+        is_here = (under == 0) & (agents < 0)  # heads that nothing hides come first
         return np.where(gaze.valid, is_here, LOST).astype(np.int16)
 
     def columns(self, name: str, off_ns: int) -> dict[str, Scalar | None]:
