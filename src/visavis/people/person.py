@@ -394,6 +394,9 @@ class StudyPerson(Observer):
         for name in ("direction", "distance_m"):
             self._targets[name] = layout.targets[name]
         self._targets["appeal"] = self._appeal
+        if layout.is_moving:
+            self._moving = layout
+            layout.move(self._targets, self._appeal, self._moved_step * MOVES_NS)
         self._plan_number += 1
         if turned_deg == self._goal_deg:
             self._turn_on(scene, t_ns)
@@ -406,8 +409,11 @@ class StudyPerson(Observer):
         rng = self._rng(_TURN_STREAM, self.stretch(), self._turns)
         (around,) = (one for one in areas_of(scene) if isinstance(one, SurroundingAreas))
         all_around = PictureLayout(scene, [around], around.pose.position_m)
-        appeal = self._appeal_of(all_around)
-        chosen = all_around.targets["direction"][rng.choice(len(appeal), p=appeal / appeal.sum())]
+        targets = all_around.targets
+        targets["appeal"] = self._appeal_of(all_around)
+        all_around.move(targets, targets["appeal"].copy(), t_ns)
+        share = targets["appeal"] / targets["appeal"].sum()
+        chosen = targets["direction"][rng.choice(len(share), p=share)]
         own = rotate(quat_conjugate(around.pose.orientation_wxyz), chosen)
         yaw_deg, pitch_deg = (float(v) for v in yaw_pitch_deg_of(own))
         right_deg, up_deg = self._goal_deg

@@ -192,8 +192,9 @@ class Renderer(Closing):
         yield
         self._buffers.room(picture.room)
         yield
-        for pixels in () if picture.surround is None else picture.surround.eyes:
-            self._overlays.send(pixels)
+        if picture.surround is not None:
+            for eye in range(len(picture.surround.eyes)):
+                self._overlays.send(picture.surround, eye)
             yield
         before = self.last_choice
         crowd.joints.pose(picture.people)

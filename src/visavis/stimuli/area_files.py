@@ -112,16 +112,21 @@ def _read(
 
 def _from_degrees(area: Area, size_px: tuple[int, int]) -> Area:
     """Return an area of a panorama in pixels that is in degrees to the right and upwards."""
-    (wide, high), ellipse = size_px, area.ellipse
+    wide, high = size_px
     px_per_deg = high / 180.0
 
     def place(right_deg: float, up_deg: float) -> tuple[float, float]:
         return wide / 2 + right_deg * px_per_deg, high / 2 - up_deg * px_per_deg
 
-    if ellipse is not None:
-        x, y, wide_deg, high_deg, turn_deg = ellipse
-        ellipse = (*place(x, y), wide_deg * px_per_deg, high_deg * px_per_deg, turn_deg)
-    return replace(area, outline=tuple(place(x, y) for x, y in area.outline), ellipse=ellipse)
+    def form(of: Area | KeyFrame) -> dict[str, Any]:
+        ellipse = of.ellipse
+        if ellipse is not None:
+            x, y, wide_deg, high_deg, turn_deg = ellipse
+            ellipse = (*place(x, y), wide_deg * px_per_deg, high_deg * px_per_deg, turn_deg)
+        return {"outline": tuple(place(x, y) for x, y in of.outline), "ellipse": ellipse}
+
+    keys = tuple(replace(key, **form(key)) for key in area.keys)
+    return replace(area, **form(area), keys=keys)
 
 
 def _check(where: str, area: Area, size_px: tuple[int, int], is_around: bool) -> None:
@@ -228,7 +233,8 @@ def _time_s(where: str, name: str, of: Mapping[str, Any], film: FilmFacts | None
     """
     if film is None:
         raise DesignError(
-            f"{where}: area {name} has key frames, which are for films: Video(…, areas=…)"
+            f"{where}: area {name} has key frames, which are for films: Video(…, areas=…) "
+            "or the Panorama of a film"
         )
     units = [time for time in TIMES if of.get(time) not in (None, "")]
     if len(units) != 1:
@@ -302,13 +308,13 @@ def _of_yaml(
                 f"{where}: area {name}: a mask of a panorama is a PNG of its own, in the place of "
                 "this file"
             )
-        of = dict(of)
+        of, downwards = dict(of), -1 if is_around else 1
         keys = [
-            _key_of(where, path, str(name), key, size_px, film)
+            _key_of(where, path, str(name), key, size_px, film, downwards)
             for key in _list_of_keys(where, str(name), of.pop("keys", []))
         ]
         _refuse_idle(where, str(name), of)
-        area = _area_of(where, path, str(name), of, size_px, -1 if is_around else 1)
+        area = _area_of(where, path, str(name), of, size_px, downwards)
         yield where, replace(area, keys=tuple(keys))
 
 
@@ -332,6 +338,7 @@ def _key_of(
     of: Mapping[str, Any],
     size_px: tuple[int, int],
     film: FilmFacts | None,
+    downwards: int,
 ) -> KeyFrame:
     for word in of:
         if word not in PER_KEY:
@@ -344,7 +351,7 @@ def _key_of(
             "ellipse, gone: true"
         )
     _refuse_idle(where, name, of)
-    area = Area(name) if "gone" in forms else _area_of(where, path, name, dict(of), size_px, 1)
+    area = Area(name) if "gone" in forms else _area_of(where, path, name, dict(of), size_px, downwards)
     return KeyFrame(t_s, area.outline, area.ellipse)
 
 

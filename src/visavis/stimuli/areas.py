@@ -243,6 +243,11 @@ def areas_at(
     return at
 
 
+def _film_s(t_ns: Times, since_ns: int, end_s: float) -> Values:
+    """Return the time in a film at times of the session; after its end its last picture stays."""
+    return np.clip((t_ns - since_ns) / NS_PER_S, 0.0, end_s)
+
+
 @dataclass(frozen=True, eq=False)
 class PlacedAreas:
     """The areas of a stimulus of `size_px` that stood at `pose`, upright and `size_m` large.
@@ -257,13 +262,9 @@ class PlacedAreas:
     since_ns: int = 0
     end_s: float = 0.0
 
-    def film_s(self, t_ns: Times) -> Values:
-        """Return the time in its film at times of the session."""
-        return np.clip((t_ns - self.since_ns) / NS_PER_S, 0.0, self.end_s)
-
     def areas_now(self, t_ns: int) -> tuple[Area | None, ...]:
         """Return each of its areas as it is at a time of the session; None where it is not."""
-        t_s = float(self.film_s(np.array(t_ns)))
+        t_s = float(_film_s(np.array(t_ns), self.since_ns, self.end_s))
         return tuple(area.at(t_s) for area in self.areas)
 
     def areas_met(
@@ -273,7 +274,7 @@ class PlacedAreas:
         x, y = self.pixels_met(origin_m, direction)
         eyes_m = origin_m[np.isfinite(origin_m).all(axis=1)]
         unit_px = self.degrees_px(eyes_m[0]) if len(eyes_m) else (1.0, 1.0)
-        t_s = 0.0 if t_ns is None else self.film_s(t_ns)
+        t_s = 0.0 if t_ns is None else _film_s(t_ns, self.since_ns, self.end_s)
         return areas_at(self.areas, x, y, pad=pad_deg, unit_px=unit_px, t_s=t_s)
 
     def pixels_met(self, origin_m: Vector, direction: Vector) -> tuple[Values, Values]:
@@ -320,7 +321,8 @@ class SurroundingAreas:
     """The areas of a panorama, of which an eye sees `size_px`, around somebody.
 
     `pose` is where the head was at the onset, upright and facing what was straight ahead then:
-    `yaw_deg` to the right of the picture's middle. Before a monitor the view `turns` since.
+    `yaw_deg` to the right of the picture's middle. Before a monitor the view `turns` since. A film
+    has run since `since_ns`; after `end_s` its last picture stays.
     """
 
     pose: Pose
@@ -328,6 +330,8 @@ class SurroundingAreas:
     size_px: tuple[int, int]
     areas: tuple[Area, ...]
     turns: ViewTurns = field(default_factory=lambda: ViewTurns(1))
+    since_ns: int = 0
+    end_s: float = 0.0
 
     def areas_met(
         self, origin_m: Vector, direction: Vector, t_ns: Times | None, pad_deg: float
@@ -341,11 +345,15 @@ class SurroundingAreas:
         wide = high * np.cos(np.radians(90.0 - y * high))
         unit_px = np.stack([wide, np.full(len(y), high)], axis=1)
         around_px = float(self.size_px[0])
-        return areas_at(self.areas, x, y, pad=pad_deg, unit_px=unit_px, around_px=around_px)
+        t_s = 0.0 if t_ns is None else _film_s(t_ns, self.since_ns, self.end_s)
+        return areas_at(
+            self.areas, x, y, pad=pad_deg, unit_px=unit_px, around_px=around_px, t_s=t_s
+        )
 
-    def areas_now(self, t_ns: int) -> tuple[Area, ...]:
-        """Return its areas, which do not move in the picture."""
-        return self.areas
+    def areas_now(self, t_ns: int) -> tuple[Area | None, ...]:
+        """Return each of its areas as it is at a time of the session; None where it is not."""
+        t_s = float(_film_s(np.array(t_ns), self.since_ns, self.end_s))
+        return tuple(area.at(t_s) for area in self.areas)
 
     def pixels_met(self, direction: Vector, t_ns: Times | None) -> tuple[Values, Values]:
         """Return x and y (n,) in its pixels of directions (n, 3) in world."""
@@ -455,10 +463,10 @@ def _as_json(one: Areas) -> dict[str, Any]:
         return room_areas.as_json(one)
     if isinstance(one, PlacedAreas):
         place: dict[str, Any] = {"size_m": list(one.size_m)}
-        if any(area.keys for area in one.areas):
-            place |= {"since_ns": one.since_ns, "end_s": one.end_s}
     else:
         place = {"yaw_deg": one.yaw_deg}
+    if any(area.keys for area in one.areas):
+        place |= {"since_ns": one.since_ns, "end_s": one.end_s}
     return {
         "position_m": one.pose.position_m.tolist(),
         "orientation_wxyz": one.pose.orientation_wxyz.tolist(),
@@ -479,11 +487,11 @@ def _from_json(raw: Mapping[str, Any]) -> PictureAreas:
         areas.append(Area(of["name"], outline, ellipse, pixels, salience, keys))
     pose = Pose(np.array(raw["position_m"]), np.array(raw["orientation_wxyz"]))
     wide, high = raw["size_px"]
+    film = {"since_ns": int(raw.get("since_ns", 0)), "end_s": float(raw.get("end_s", 0.0))}
     if "yaw_deg" in raw:
-        return SurroundingAreas(pose, float(raw["yaw_deg"]), (wide, high), tuple(areas))
+        return SurroundingAreas(pose, float(raw["yaw_deg"]), (wide, high), tuple(areas), **film)
     wide_m, high_m = raw["size_m"]
-    film = int(raw.get("since_ns", 0)), float(raw.get("end_s", 0.0))
-    return PlacedAreas(pose, (wide_m, high_m), (wide, high), tuple(areas), *film)
+    return PlacedAreas(pose, (wide_m, high_m), (wide, high), tuple(areas), **film)
 
 
 def _shape_of(raw: Mapping[str, Any]) -> tuple[Outline, Ellipse | None]:

@@ -14,10 +14,13 @@ import numpy.typing as npt
 
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
+from visavis.stimuli.flat import Panorama, Video, picture_path
 
 Pixels = npt.NDArray[np.uint8]
 MAX_FILE_BYTES: Final = 500_000_000
 MAX_SIZE_PX: Final = 4096
+MAX_AROUND_PX: Final = 2 * MAX_SIZE_PX
+"""Of a film all around, in which two eyes' pictures may lie beside each other."""
 CUT_S: Final = 0.25
 """Files whose pictures end earlier than they say by more are cut short."""
 AHEAD_BYTES: Final = 96 << 20
@@ -51,8 +54,17 @@ class FilmFacts:
         return int(np.clip(np.searchsorted(self.stamps_s, t_s + 1e-6, "right") - 1, 0, last))
 
 
-def film_facts(path: Path) -> FilmFacts:
-    """Return what a film is, found once for each version of its file.
+def facts_of(film: Video | Panorama, folder: Path) -> FilmFacts:
+    """Return what the film of a stimulus is, whose file lies in a folder.
+
+    Raises:
+        DesignError: as of `film_facts`.
+    """
+    return film_facts(picture_path(film, folder), is_around=isinstance(film, Panorama))
+
+
+def film_facts(path: Path, *, is_around: bool = False) -> FilmFacts:
+    """Return what a film is, found once for each version of its file; one all around may be larger.
 
     Raises:
         DesignError: it is missing, too large, no film, cut short, or cannot be decoded here.
@@ -68,7 +80,15 @@ def film_facts(path: Path) -> FilmFacts:
             f"{path}: {status.st_size / 1e6:.0f} MB; a film has {MAX_FILE_BYTES / 1e6:.0f} at "
             f"most. Make it smaller: ffmpeg -i {path.name} -crf 23 smaller.mp4"
         )
-    return _facts(path, status.st_mtime_ns)
+    facts = _facts(path, status.st_mtime_ns)
+    wide, high = facts.size_px
+    most_px, usual_px = (MAX_AROUND_PX, 3840) if is_around else (MAX_SIZE_PX, 1920)
+    if max(wide, high) > most_px:
+        raise DesignError(
+            f"{path}: {wide} × {high} pixels; up to {most_px} each way. Make it "
+            f"smaller: ffmpeg -i {path.name} -vf scale={usual_px}:-2 smaller.mp4"
+        )
+    return facts
 
 
 @lru_cache(maxsize=512)
@@ -121,11 +141,6 @@ def _read_facts(path: Path, file: Any) -> FilmFacts:
         )
     aspect = stream.sample_aspect_ratio or 1
     size_px = (round(frame.width * aspect), frame.height)
-    if max(size_px) > MAX_SIZE_PX:
-        raise DesignError(
-            f"{path}: {size_px[0]} × {size_px[1]} pixels; up to {MAX_SIZE_PX} each way. Make it "
-            f"smaller: ffmpeg -i {path.name} -vf scale=1920:-2 smaller.mp4"
-        )
     return FilmFacts(
         size_px,
         stamps_s,
@@ -203,8 +218,8 @@ class _Decoding:
 class FilmReader:
     """Own the decoding of one film into pictures of one size, ahead of their time in a thread."""
 
-    def __init__(self, path: Path, size_px: tuple[int, int]) -> None:
-        self.facts = film_facts(path)
+    def __init__(self, path: Path, size_px: tuple[int, int], *, is_around: bool = False) -> None:
+        self.facts = film_facts(path, is_around=is_around)
         self._path, self._size_px = path, size_px
         ahead = AHEAD_BYTES // (4 * size_px[0] * size_px[1])
         self._ahead = int(np.clip(ahead, MIN_AHEAD, MAX_AHEAD))

@@ -6,8 +6,8 @@ where they stand before somebody is `visavis.stimuli.scenes.flat`'s.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, get_args
 
@@ -43,6 +43,19 @@ MAX_DOTS: Final = 5000
 """More are not placed and drawn within a frame."""
 MAX_STEPS_HZ: Final = 500.0
 MAX_SEED: Final = 2**32
+FILM_ENDINGS: Final = (
+    ".mp4",
+    ".m4v",
+    ".mov",
+    ".webm",
+    ".mkv",
+    ".avi",
+    ".mpg",
+    ".mpeg",
+    ".ts",
+    ".ogv",
+)
+"""By these a file all around is a film, by others a picture."""
 
 
 def rgb_of(colour: Colour) -> tuple[int, int, int]:
@@ -301,17 +314,22 @@ class Video:
 
 @dataclass(frozen=True)
 class Panorama:
-    """A picture all around, 360 by 180 degrees (equirectangular), of a file beside the study's.
+    """A picture or film all around, 360 by 180 degrees (equirectangular), of a file beside the
+    study's.
 
     With `stereo` each eye sees its half of it: the left eye the upper or the left one. `yaw_deg`
     says which part is straight ahead at the onset, to the right of the picture's middle. `areas`
-    names a file of areas of interest, in degrees. Before a monitor arrow keys turn the view.
+    names a file of areas of interest, in degrees. Before a monitor arrow keys turn the view. A film
+    is heard as a `Video` is, unless `is_heard` is false, and its areas may move.
     """
 
     file: str
     stereo: Stereo = "none"
     yaw_deg: float = 0.0
     areas: str = ""
+    # Events describe panoramas as they did before there were films; what is heard they say apart.
+    is_heard: bool = field(default=True, repr=False)
+    level_db: float | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         _write_plain_numbers(self)
@@ -324,6 +342,15 @@ class Panorama:
             )
         if not -360.0 <= self.yaw_deg <= 360.0:
             raise DesignError(f"Panorama {self.file!r}: yaw_deg is {self.yaw_deg:g}; -360 to 360")
+        if not self.is_film and (self.level_db is not None or not self.is_heard):
+            raise DesignError(
+                f"Panorama {self.file!r}: a picture is not heard; leave out is_heard and level_db"
+            )
+
+    @property
+    def is_film(self) -> bool:
+        """Whether its file is a film, by the file's ending."""
+        return Path(self.file).suffix.lower() in FILM_ENDINGS
 
 
 Flat: TypeAlias = Text | Image | Shape | Grating | Dots | Video
@@ -332,6 +359,15 @@ KINDS: Final[Mapping[str, type[Flat | Panorama]]] = {
     kind.__name__: kind for kind in (*get_args(Flat), Panorama)
 }
 """The kinds of flat stimuli by name, and the panorama."""
+
+
+def films_among(stimuli: Iterable[Flat | Panorama | None]) -> tuple[Video | Panorama, ...]:
+    """Return the films of some stimuli, in their order."""
+    return tuple(
+        one
+        for one in stimuli
+        if isinstance(one, Video) or (isinstance(one, Panorama) and one.is_film)
+    )
 
 
 def is_round(flat: Flat) -> bool:

@@ -161,14 +161,16 @@ class Sheet:
 class Surround:
     """A picture all around and infinitely far, in the sRGB values of its pixels.
 
-    `eyes` (h, 2 h, 3) are what one eye (of both) or two see, the left first: equirectangular, top
-    row first, the middle straight ahead (−z). `orientation_wxyz` leads from there to world;
-    `crc32` is of all pixels.
+    `eyes` (h, 2 h, 3 or 4) are what one eye (of both) or two see, the left first: equirectangular,
+    top row first, the middle straight ahead (−z), the same objects for the same content.
+    `orientation_wxyz` leads from there to world; `crc32` is of the pixels. Those of one `course`
+    show one film, one picture at a time.
     """
 
     eyes: tuple[npt.NDArray[np.uint8], ...]
     orientation_wxyz: Vector
     crc32: int
+    course: object = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,14 +36,16 @@ def _files(experiment: StudyExperiment) -> Iterator[Path]:
         for row in experiment.item_table.rows:
             yield from _paths_in(folder, row.values())
     yield from _paths_in(folder, experiment.parameters.values())
-    for picture in experiment.flats:
+    scenes = [scene for trial in reads for scene in trial.scenes]
+    panoramas = (scene.options["panorama"] for scene in scenes if "panorama" in scene.options)
+    for picture in (*experiment.flats, *panoramas):
         yield from _paths_in(folder, vars(picture).values())
         if areas := getattr(picture, "areas", ""):
             yield from _of_areas(folder / areas)
     for sound in (sound for trial in reads for sound in trial.sounds):
         yield from _paths_in(folder, [sound, getattr(sound, "file", None)])
     yield from (folder / voice.file for voice in experiment.voices)
-    for scene in (scene for trial in reads for scene in trial.scenes):
+    for scene in scenes:
         options = scene.options.values()
         yield from _paths_in(folder, [o.file if isinstance(o, Room) else o for o in options])
 

@@ -24,7 +24,7 @@ from visavis.stimuli.audible import Audible
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.gathering import agents_of
 from visavis.stimuli.dressing.picture_of import named_function
-from visavis.stimuli.film_file import FilmFacts, film_facts
+from visavis.stimuli.film_file import FilmFacts, facts_of
 from visavis.stimuli.flat import Colour, Flat, Image, Panorama, Video, picture_path, rgb_of
 from visavis.stimuli.gaze.behaviour import Course, EyeBehaviour
 from visavis.stimuli.gaze.blinks import draw_blinks
@@ -476,9 +476,8 @@ class StagedFlat:
 
     @property
     def films(self) -> tuple[FilmFacts, ...]:
-        """The films among them."""
-        videos = (item for item in self.scene.items if isinstance(item, Video))
-        return tuple(film_facts(picture_path(video, self.scene.folder)) for video in videos)
+        """The films among them, the one all around first."""
+        return tuple(facts_of(film, self.scene.folder) for film in self.scene.films)
 
     def open_films(self, view: FrameView) -> None:
         """Decode the first pictures of films, as large as they will stand there."""
@@ -557,7 +556,7 @@ def flat(
         if isinstance(item, Image):
             picture_size(picture_path(item, staging.folder))
         elif isinstance(item, Video):
-            film_facts(picture_path(item, staging.folder))
+            facts_of(item, staging.folder)
     scene = FlatScene(
         name=FLAT,
         agents=(),

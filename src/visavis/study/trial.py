@@ -31,8 +31,18 @@ from visavis.protocol.plan.steps import (
     Step,
 )
 from visavis.stimuli.audible import Sound
-from visavis.stimuli.film_file import film_facts
-from visavis.stimuli.flat import MAX_SEED, Colour, Dots, Flat, Text, Video, picture_path
+from visavis.stimuli.film_file import facts_of
+from visavis.stimuli.flat import (
+    MAX_SEED,
+    Colour,
+    Dots,
+    Flat,
+    Panorama,
+    Text,
+    Video,
+    films_among,
+    picture_path,
+)
 from visavis.stimuli.gaze_window import GAZE_WINDOW
 from visavis.stimuli.own_room import Room
 from visavis.stimuli.panels import SIZE_M, PanelFrame, Surface, board_before
@@ -215,8 +225,8 @@ class TrialScript(HeardTrial):
         frames, or until `until` is true for a frame (`gaze_on` says of gaze when) or a key of it is
         pressed. `Tone`
         and `Sound` are heard with them or alone, all from the beginning, and to their end or the
-        trial's; alone they need no `seconds`, and neither does a `Video`, which then lasts as long
-        as it does.
+        trial's; alone they need no `seconds`, and neither does a `Video` or the `Panorama` of a
+        film, which then lasts as long as it does.
         Stimuli in a mapping have names, which make areas of interest of them. With
         `reveal="gaze"` flat stimuli are seen through a window `window_deg` wide that follows gaze,
         with "around gaze" everywhere but there, on a page with "pointer" through one that follows
@@ -246,7 +256,7 @@ class TrialScript(HeardTrial):
             raise DesignError("t.show: reveal is for pictures, texts and the like; leave it out")
         follows_gaze = window is not None and reveal != "pointer"
         if is_flat:
-            own = [of for of in flats if isinstance(of, Video)]
+            own = films_among((panorama, *flats))
             sounds += tuple(of for film in own for of in self._sound_of(film))
             options: dict[str, Any] = {"background": background}
             options["answered_by"] = keys.name if keys else ""
@@ -256,7 +266,7 @@ class TrialScript(HeardTrial):
             options |= {GAZE_WINDOW: window} if follows_gaze else {}
             scene = Scene(FLAT, items=flats, **options)
             if (sounds or own) and seconds is None and frames is None and until is None:
-                lengths_s = [film_facts(picture_path(f, self.settings.folder)).seconds for f in own]
+                lengths_s = [facts_of(film, self.settings.folder).seconds for film in own]
                 seconds = max([*lengths_s, *map(self.settings.seconds_of, sounds)])
         elif isinstance(what, Scene | Room):
             scene = what if isinstance(what, Scene) else Scene(ROOM, room=what)
@@ -294,10 +304,11 @@ class TrialScript(HeardTrial):
             sounds=sounds,
         )
 
-    def _sound_of(self, film: Video) -> tuple[Sound, ...]:
+    def _sound_of(self, film: Video | Panorama) -> tuple[Sound, ...]:
         """Return what is heard with a film; nothing of a silent one, or where its file is not."""
-        path = picture_path(film, self.settings.folder)
-        if not film.is_heard or not path.is_file() or not film_facts(path).has_sound:
+        folder = self.settings.folder
+        is_there = picture_path(film, folder).is_file()
+        if not film.is_heard or not is_there or not facts_of(film, folder).has_sound:
             return ()
         return (Sound(film.file, film.level_db),)
 

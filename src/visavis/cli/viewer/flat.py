@@ -129,7 +129,7 @@ def flat_content(
         content["window"] = {"deg": window.window_deg, "isAround": window.is_around}
     if first.surround is not None:
         turns = [p.surround.orientation_wxyz for p in pictures if p.surround is not None]
-        number = models.flat(first.surround.eyes[0], "around")
+        number = models.flat(first.surround.eyes[0][..., :3], "around")
         content["around"] = {"picture": number, "turns": _course(bundle, turns)}
     return content
 

@@ -1,7 +1,6 @@
 """A picture with areas of interest as targets of a simulated observer."""
 
 from collections.abc import Sequence
-from functools import partial
 from itertools import compress
 from typing import Final
 
@@ -11,7 +10,7 @@ import numpy.typing as npt
 from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit
 from visavis.lab.screen import PlacedScreen
 from visavis.people.observer import state
-from visavis.stimuli.areas import ELSEWHERE, PictureAreas, PlacedAreas, SurroundingAreas
+from visavis.stimuli.areas import ELSEWHERE, Area, PictureAreas, PlacedAreas, SurroundingAreas
 from visavis.stimuli.gaze_window import GazeWindow, WindowPlace
 from visavis.stimuli.scene import Scene
 
@@ -29,7 +28,7 @@ class PictureLayout:
     what is on the screen.
     """
 
-    _moving_sheets: Sequence[tuple[int, PlacedAreas]] = ()
+    _moving_sheets: Sequence[tuple[int, PictureAreas]] = ()
     """Sheets of which some area moves, each with the place of its first area."""
     names: Sequence[str] = ()
     """Areas of its first targets; things of a room have none that a window could hide."""
@@ -45,18 +44,15 @@ class PictureLayout:
         self.scene = scene
         points: list[Vector] = []
         sizes, saliences, is_around, names = [], [], [], []
-        self._seat = seat
-        moving: list[tuple[int, PlacedAreas]] = []
+        self._seat, self._screen, self._turned_deg = seat, screen, turned_deg
+        moving: list[tuple[int, PictureAreas]] = []
         for one in sheets:
-            place_m = one.place_m
-            if isinstance(one, SurroundingAreas):
-                place_m = partial(one.place_m, turned_deg=turned_deg)
-            elif any(area.keys for area in one.areas):
+            if any(area.keys for area in one.areas):
                 moving.append((len(points), one))
             for area in one.areas:
                 first = area.first()
                 names.append(area.name)
-                points.append(place_m(*first.middle()))
+                points.append(self._place_m(one, first))
                 sizes.append(one.size_deg2(first, seat))
                 saliences.append(area.salience)
                 is_around.append(isinstance(one, SurroundingAreas))
@@ -79,7 +75,8 @@ class PictureLayout:
         offset = np.array([*points, *elsewhere]) - seat
         if around is not None and screen is not None:
             offset[:n], on_screen = _through(screen, seat, offset[:n], np.array(is_around, bool))
-            appeals = np.where(on_screen, appeals, 0.0).tolist()
+            moves = np.array([area.keys != () for one in sheets for area in one.areas], bool)
+            appeals = np.where(on_screen | moves, appeals, 0.0).tolist()
         self.appeal = np.concatenate([appeals, rest])
         self.appeal_anywhere = np.concatenate([np.zeros(n), rest])
         distance = np.linalg.norm(offset, axis=1)
@@ -108,12 +105,24 @@ class PictureLayout:
             for i, area in enumerate(sheet.areas_now(t_ns), first):
                 targets["appeal"][i] = 0.0 if area is None else appeal[i]
                 if area is not None:
-                    offset = sheet.place_m(*area.middle()) - self._seat
+                    offset = self._place_m(sheet, area) - self._seat
+                    if isinstance(sheet, SurroundingAreas) and self._screen is not None:
+                        is_around = np.ones(1, np.bool_)
+                        (offset,), (is_there,) = _through(
+                            self._screen, self._seat, offset[None], is_around
+                        )
+                        targets["appeal"][i] = appeal[i] * is_there
                     distance_m = np.linalg.norm(offset)
                     targets["direction"][i] = offset / distance_m
                     targets["distance_m"][i] = distance_m
                     size_deg2 = sheet.size_deg2(area, self._seat)
                     targets["radius_rad"][i] = np.radians(np.sqrt(size_deg2 / np.pi))
+
+    def _place_m(self, one: PictureAreas, area: Area) -> Vector:
+        """Return where the middle of an area is, as the view is turned."""
+        if isinstance(one, SurroundingAreas):
+            return one.place_m(*area.middle(), self._turned_deg)
+        return one.place_m(*area.middle())
 
 
 def hidden_areas(what: PictureLayout, window: GazeWindow) -> frozenset[str]:

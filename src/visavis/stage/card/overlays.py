@@ -6,7 +6,6 @@ from typing import Any
 
 import moderngl
 import numpy as np
-import numpy.typing as npt
 
 from visavis.lab.geometry import Vector, quat_conjugate, rotate
 from visavis.stage.card.context import GL_FRAMEBUFFER_SRGB
@@ -36,7 +35,7 @@ class Overlays:
         self._corners = context.buffer(corners.tobytes())
         self._panels: dict[tuple[object, ...], moderngl.Texture] = {}
         self._sheets: dict[int, tuple[object, object, moderngl.Texture]] = {}
-        self._surrounds: dict[int, tuple[object, moderngl.Texture]] = {}
+        self._surrounds: dict[tuple[int, int], tuple[object, object, moderngl.Texture]] = {}
         self._arrays: dict[str, moderngl.VertexArray] = {}
         self._programs: dict[str, moderngl.Program] = {}
 
@@ -66,19 +65,28 @@ class Overlays:
         context.disable(moderngl.BLEND)
         context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
 
-    def send(self, pixels: npt.NDArray[np.uint8]) -> moderngl.Texture:
-        """Return the texture of a panorama's pixels (h, w, 3), which are sent at the first call."""
-        entry = self._surrounds.get(id(pixels))
-        if entry is None:
+    def send(self, surround: Surround, eye: int) -> moderngl.Texture:
+        """Return the texture of what an eye sees of a panorama, one for all of a course; its pixels
+        are sent where they are not there yet.
+        """
+        pixels = surround.eyes[eye]
+        owner: object = pixels if surround.course is None else surround.course
+        entry = self._surrounds.get((id(owner), eye))
+        if entry is not None and entry[1] is pixels:
+            return entry[2]
+        if entry is not None:
+            texture = entry[2]
+            texture.write(pixels, alignment=1)
+        else:
             while len(self._surrounds) >= MAX_SURROUNDS:
-                self._surrounds.pop(next(iter(self._surrounds)))[1].release()
-            height, width = pixels.shape[:2]
-            texture = self._context.texture((width, height), 3, pixels, alignment=1)
-            texture.build_mipmaps()
-            texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-            texture.repeat_x, texture.repeat_y = True, False
-            entry = self._surrounds[id(pixels)] = pixels, texture
-        return entry[1]
+                self._surrounds.pop(next(iter(self._surrounds)))[2].release()
+            height, width, channels = pixels.shape
+            texture = self._context.texture((width, height), channels, pixels, alignment=1)
+        texture.build_mipmaps()
+        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        texture.repeat_x, texture.repeat_y = True, False
+        self._surrounds[id(owner), eye] = owner, pixels, texture
+        return texture
 
     def _around(self, surround: Surround, camera: Camera, eye: int) -> None:
         content = [(self._corners, "2f4", "in_corner")]
@@ -87,7 +95,7 @@ class Overlays:
         )
         matrix = _picture_from_corner(surround, camera).T.astype(np.float32)
         set_bytes(self._programs["surround"], "picture_from_corner", matrix.tobytes())
-        self.send(surround.eyes[min(eye, len(surround.eyes) - 1)]).use(2)
+        self.send(surround, min(eye, len(surround.eyes) - 1)).use(2)
         array.render(moderngl.TRIANGLE_STRIP, vertices=4)
 
     def _cover(self, veil: Veil, camera: Camera, target: EyeTarget) -> None:
@@ -183,7 +191,7 @@ class Overlays:
                 thing.release()
         for _, _, texture in self._sheets.values():
             texture.release()
-        for _, texture in self._surrounds.values():
+        for _, _, texture in self._surrounds.values():
             texture.release()
         self._corners.release()
 

@@ -22,7 +22,7 @@ from visavis.stimuli.area_files import read_areas
 from visavis.stimuli.areas import Area, PictureAreas, PlacedAreas, SurroundingAreas
 from visavis.stimuli.dots import step_at
 from visavis.stimuli.dressing.picture_of import NOBODY
-from visavis.stimuli.film_file import FilmFacts, FilmReader, film_facts
+from visavis.stimuli.film_file import FilmFacts, FilmReader, facts_of
 from visavis.stimuli.flat import Dots, Flat, Image, Text, Video, is_round, picture_path
 from visavis.stimuli.flat_pixels import (
     moving_pixels,
@@ -53,13 +53,13 @@ def picture_of_flat(frame: SceneFrame) -> Picture:
     scene = frame.scene
     assert isinstance(scene, FlatScene)  # noqa: S101 - the scene names this function
     room, sheets = first_sheets(scene)
+    elapsed_s = (frame.t_ns - scene.moves_since_ns) / NS_PER_S
     if any(sheet.course is not None for sheet in sheets):
-        elapsed_s = (frame.t_ns - scene.moves_since_ns) / NS_PER_S
         sheets = tuple(
             _sheet_at(sheet, item, elapsed_s, _luminance(scene))
             for sheet, item in zip(sheets, scene.items, strict=True)
         )
-    surround = _surround(scene, frame.turned_deg)
+    surround = _surround(scene, elapsed_s, frame.turned_deg)
     veil = _veil(scene, frame, room)
     return Picture(frame.t_ns, room, (), NOBODY, sheets=sheets, surround=surround, veil=veil)
 
@@ -76,12 +76,15 @@ def _veil(scene: FlatScene, frame: SceneFrame, room: Room) -> Veil | None:
     return Veil(scene.gaze_window, place, distance_m, room.background_srgb)
 
 
-def _surround(scene: FlatScene, turned_deg: tuple[float, float]) -> Surround | None:
-    """Return a scene's panorama as the view is turned; None without one."""
+def _surround(
+    scene: FlatScene, elapsed_s: float, turned_deg: tuple[float, float]
+) -> Surround | None:
+    """Return a scene's panorama some time after its onset, as the view is turned; None without."""
     if scene.panorama is None:
         return None
-    pixels, around = panorama_pixels(scene.panorama, scene.folder), _around(scene)
-    return Surround(pixels.eyes, around.orientation_at(turned_deg), pixels.crc32)
+    pixels = panorama_pixels(scene.panorama, scene.folder, elapsed_s)
+    orientation = _around(scene).orientation_at(turned_deg)
+    return Surround(pixels.eyes, orientation, pixels.crc32, pixels.course)
 
 
 @lru_cache(maxsize=16)
@@ -92,10 +95,13 @@ def _around(scene: FlatScene) -> SurroundingAreas:
     head = (scene.head or AT_REST) if screen is None else screen.place
     pose = Pose(head.position_m, board_pose(head).orientation_wxyz)
     size_px = eye_size_px(panorama, scene.folder)
+    film = facts_of(panorama, scene.folder) if panorama.is_film else None
     areas: tuple[Area, ...] = ()
     if panorama.areas:
-        areas = read_areas(scene.folder / panorama.areas, size_px, is_around=True)
-    return SurroundingAreas(pose, panorama.yaw_deg, size_px, areas, scene.turns)
+        areas = read_areas(scene.folder / panorama.areas, size_px, is_around=True, film=film)
+    end_s = 0.0 if film is None else float(film.stamps_s[-1])
+    yaw_deg, since_ns = panorama.yaw_deg, scene.moves_since_ns
+    return SurroundingAreas(pose, yaw_deg, size_px, areas, scene.turns, since_ns, end_s)
 
 
 @lru_cache(maxsize=16)
@@ -153,9 +159,11 @@ def open_films(scene: FlatScene) -> None:
     Raises:
         DesignError: a film cannot be decoded.
     """
-    for item in scene.items:
-        if isinstance(item, Video):
-            reader_of(picture_path(item, scene.folder), place_of(item, scene)[2]).picture_at(0.0)
+    for film in scene.films:
+        if isinstance(film, Video):
+            reader_of(picture_path(film, scene.folder), place_of(film, scene)[2]).picture_at(0.0)
+        else:
+            panorama_pixels(film, scene.folder)
 
 
 def _sheet_at(
@@ -215,7 +223,7 @@ def _placed_areas(scene: FlatScene) -> Iterator[PlacedAreas]:
         if isinstance(item, Image | Video):
             size_px = own_size_px(item, scene.folder)
         if isinstance(item, Video):
-            film = film_facts(picture_path(item, scene.folder))
+            film = facts_of(item, scene.folder)
         wide, high = map(float, size_px)
         whole = Area(name, ((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)))
         if is_round(item):
@@ -234,9 +242,9 @@ def own_size_px(item: Image | Video, folder: Path) -> tuple[int, int]:
     Raises:
         DesignError: its file cannot be read.
     """
-    path = picture_path(item, folder)
     if isinstance(item, Video):
-        return film_facts(path).size_px
+        return facts_of(item, folder).size_px
+    path = picture_path(item, folder)
     return picture_size(path, path.stat().st_mtime_ns if path.is_file() else 0)
 
 

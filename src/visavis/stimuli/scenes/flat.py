@@ -6,7 +6,7 @@ from typing import Final
 
 from visavis.lab.geometry import Pose
 from visavis.stimuli.audible import Audible
-from visavis.stimuli.flat import Dots, Flat, Panorama, Video
+from visavis.stimuli.flat import Dots, Flat, Panorama, Video, films_among
 from visavis.stimuli.gaze_window import GazeWindow
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import Scene
@@ -42,7 +42,12 @@ class FlatScene(Scene):
     @property
     def moves(self) -> bool:
         """Whether one of the stimuli moves by itself."""
-        return any(isinstance(item, Dots | Video) for item in self.items)
+        return bool(self.films) or any(isinstance(item, Dots) for item in self.items)
+
+    @property
+    def films(self) -> tuple[Video | Panorama, ...]:
+        """Its films, the one all around first."""
+        return films_among((self.panorama, *self.items))
 
     # A scene is what is shown at one time; two with the same content are two.
     __eq__ = object.__eq__

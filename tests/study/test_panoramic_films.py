@@ -1,0 +1,248 @@
+"""A film all around in a study: in step and heard, looked at where its areas are, drawn again,
+measured from the recording alone, and gone on with after a session was cut off.
+"""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.study.test_audible_steps import with_sound
+from visavis.cli.quick_tracker import tracker_of
+from visavis.cli.redraw import redraw
+from visavis.lab.clock import SimClock
+from visavis.lab.config import load_config
+from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
+from visavis.lab.errors import DesignError, SessionAborted
+from visavis.protocol.session.operator import UnattendedOperator
+from visavis.recording.cached import CachedRecording
+from visavis.results.flat_again import read_items_text
+from visavis.results.opened_study import find_study
+from visavis.running.film_store import film_store
+from visavis.running.quick import quick_study
+from visavis.running.sessions.perform import perform_new, perform_rest
+from visavis.running.sessions.session_request import simulated_request
+from visavis.stimuli.view_turns import VIEW_TURNED
+from visavis.study.measures import SessionGaze
+
+pytest.importorskip("av")
+from benchmarks.film_in_step import write_film
+from tests.panoramic_film import RATE_HZ, number_ahead, number_behind, write_film_around
+
+STUDY = """
+from visavis import Compare, Factor, Panorama, Rating, Study, looks_at, view_range
+
+study = Study(
+    "lake", "S", factors=[Factor("boat", ["left", "right"])], repetitions=1, calibrate=False,
+    measures=[*looks_at("boat", "gull", pad_deg=1), view_range()],
+    compare=[Compare("boat_dwell_ms", within="boat")],
+)
+
+@study.trial
+def trial(t):
+    yield t.show(Panorama("lake.mp4", areas=f"{t.boat}.yaml"))
+
+@study.answer
+def answer(seen, response, rng):
+    return 1
+"""
+SHOWN = STUDY[STUDY.index("yield") : STUDY.index("@study.answer")].strip()
+PICTURES = 38
+LASTS_S = PICTURES / RATE_HZ
+LEFT = """
+boat:
+  keys: [{t_s: 0, ellipse: [-10, -5, 12, 12]}, {t_s: 1.2, ellipse: [-40, -5, 12, 12]}]
+  salience: 40
+gull:
+  keys: [{frame: 0, rectangle: [-16, 21, 12, 12]}, {frame: 36, rectangle: [-46, 21, 12, 12]}]
+  salience: 40
+"""
+"""They go 25 degrees a second to the left, one below and one above the horizon."""
+RIGHT = LEFT.replace("[-10,", "[10,").replace("[-40,", "[40,")
+RIGHT = RIGHT.replace("[-16,", "[4,").replace("[-46,", "[34,")
+STILL = "boat: {rectangle: [0, 80, 1, 1]}\ngull: {rectangle: [3, 80, 1, 1]}\n"
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory):
+    return write_film_around(
+        tmp_path_factory.mktemp("films") / "lake.mp4", PICTURES, is_heard=True
+    )
+
+
+def written(folder, film, line=SHOWN):
+    shutil.copy(film, folder)
+    (folder / "left.yaml").write_text(LEFT)
+    (folder / "right.yaml").write_text(RIGHT)
+    (folder / "lake.py").write_text(STUDY.replace(SHOWN, line))
+    return find_study(str(folder / "lake.py"))
+
+
+def request_of(folder, study, example, show="none"):
+    config = load_config(example)
+    config = config.model_copy(
+        update={
+            "data_root": folder / "data",
+            "key_root": folder / "keys",
+            "display": config.display.model_copy(update={"show": show}),
+        }
+    )
+    config = with_sound(config, folder)
+    return simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+
+
+@pytest.fixture(scope="module", params=[SCREEN_EXAMPLE, EXAMPLE], ids=["screen", "headset"])
+def session(request, tmp_path_factory, film):
+    folder = tmp_path_factory.mktemp("lake")
+    study = written(folder, film)
+    recording = CachedRecording(perform_new(request_of(folder, study, request.param, "offscreen")))
+    # The analysis needs the recording alone: what the files say now does not count.
+    for name in ("left", "right"):
+        (folder / f"{name}.yaml").write_text(STILL)
+    return study, recording, study.measure(recording).rows
+
+
+def test_it_lasts_as_long_as_it_does_in_step_and_heard(session):
+    _, _, rows = session
+    lasts_s = (rows["stimulus_off_ns"] - rows["stimulus_on_ns"]) / 1e9
+    assert LASTS_S == pytest.approx(lasts_s.to_numpy(), abs=0.04)
+    assert {PICTURES} == set(rows["stimulus_film_pictures"])
+    assert {0} == set(rows["stimulus_film_dropped"])
+    apart_ms = (rows["stimulus_sound_on_ns"] - rows["stimulus_on_ns"]).abs() / 1e6
+    assert (apart_ms < 50).all()
+
+
+def test_every_frame_that_was_lit_had_the_picture_that_was_due_and_is_drawn_again(
+    session, monkeypatch
+):
+    study, recording, rows = session
+    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
+    drawn = recording.stream_arrays("drawn", part=1)
+    frames = recording.stream_arrays("frames", part=1)
+    turned = list(recording.events_named(VIEW_TURNED, 1)["payload"])
+    row = rows.iloc[0]
+    assert not [t for t in turned if t["trial_id"] == row["trial_id"]]
+    (shown,) = (
+        p
+        for p in recording.events_named("shown", 1)["payload"]
+        if p["trial_id"] == row["trial_id"]
+    )
+    lit = dict(zip(frames["frame_index"].tolist(), frames["t_host_ns"].tolist(), strict=True))
+    numbers = []
+    for number in (0, 9, 20, 37):
+        due_ns = shown["moves_since_ns"] + round((number + 0.5) / RATE_HZ * 1e9)
+        k = int(np.searchsorted(drawn["t_host_ns"], due_ns))
+        # what is drawn in a frame is lit in the next
+        image = redraw(recording, int(drawn["frame"][k]))[0]  # refuses what was not shown
+        lit_s = (lit[int(drawn["frame"][k])] - shown["moves_since_ns"]) / 1e9
+        numbers.append((number_ahead(image[image.shape[0] // 2, image.shape[1] // 2]), lit_s))
+    for number, lit_s in numbers:
+        assert abs(number - min(PICTURES - 1, lit_s * RATE_HZ)) <= 1.01, numbers
+
+
+def times_and_right_deg(recording, row):
+    """Return when gaze was usable in a showing, and its degrees to the right."""
+    gaze = SessionGaze(recording).of_part(1).targets
+    gaze = gaze.between(row["stimulus_on_ns"], row["stimulus_off_ns"])
+    towards = gaze.direction_world[gaze.valid]
+    right_deg = np.degrees(np.arctan2(towards[:, 0], -towards[:, 2]))
+    return (gaze.t_ns[gaze.valid] - row["stimulus_on_ns"]) / 1e9, right_deg
+
+
+def test_simulated_people_look_where_areas_are_at_the_time(session):
+    _, recording, rows = session
+    for row in rows.to_dict("records"):
+        t_s, right_deg = times_and_right_deg(recording, row)
+        late_deg = right_deg[t_s > 0.9].mean()
+        assert (row["boat"] == "right") == (late_deg > 0)
+    assert (rows["boat_dwell_ms"] + rows["gull_dwell_ms"] > 300).all()
+    assert (rows["boat_dwell_ms"] + rows["gull_dwell_ms"] <= 1000 * LASTS_S + 34).all()
+
+
+def test_power_lets_the_same_people_see_it(tmp_path, film):
+    study = written(tmp_path, film)
+    rows = quick_study(study, study.experiment({}), tracker_of, [0], seed=1).trials
+    assert (rows["boat_dwell_ms"] + rows["gull_dwell_ms"] > 300).all()
+
+
+class Killed(UnattendedOperator):
+    """Nobody; after so many frames the process is gone."""
+
+    def __init__(self, frames):
+        self._left = frames
+
+    def poll(self):
+        """Wait for the end."""
+        self._left -= 1
+        if not self._left:
+            raise KeyboardInterrupt
+        return ()
+
+
+def test_a_session_that_was_cut_off_in_a_film_goes_on(tmp_path, film):
+    study = written(tmp_path, film)
+    made = request_of(tmp_path, study, EXAMPLE)
+    with pytest.raises(SessionAborted):
+        perform_new(replace(made, operator=Killed(60)))
+    path = next((tmp_path / "data").glob("simulated/lake/sub-*/ses-001"))
+    recording = CachedRecording(perform_rest(replace(made, clock=SimClock()), path))
+    assert 2 == len(recording.manifest.parts)
+    rows = recording.trials().query("status == 'complete'")
+    assert {PICTURES} == set(rows["stimulus_film_pictures"])
+    assert ["left", "right"] == sorted(rows["boat"])
+
+
+def test_a_film_is_heard_as_loud_as_asked_or_not_at_all(tmp_path, film):
+    both = [
+        written(tmp_path, film, f'yield t.show(Panorama("lake.mp4", {how}))')
+        .experiment({})
+        .audibles
+        for how in ("level_db=-20", "is_heard=False")
+    ]
+    assert [[-20], []] == [[sound.level_db for sound in sounds] for sounds in both]
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ('yield t.show(Panorama("pond.mp4"))', r"there is no film .*pond\.mp4"),
+        ('yield t.show(Panorama("flat.mp4"))', r"flat\.mp4 has 1280 × 720 .* twice as wide"),
+        ('yield t.show(Panorama("small.mp4"))', "1280 pixels wide for an eye; .* 1920 at least"),
+        ('yield t.show(Panorama("text.mp4"))', r"text\.mp4 is no film that can be read"),
+        (
+            'yield t.show(Panorama("lake.mp4", "top-bottom"))',
+            'for each eye; .* With stereo="none" it would be',
+        ),
+        ('yield t.show(Panorama("a.png", level_db=-3), 1)', "a picture is not heard"),
+        (
+            'yield t.show(Panorama("lake.mp4", areas="late.yaml"))',
+            "boat has a key frame at 3 s, outside its film of 1",
+        ),
+        (
+            'yield t.show(Panorama("lake.mp4", areas="high.yaml"))',
+            "at 1 s: area boat does not fit around",
+        ),
+    ],
+)
+def test_what_cannot_be_shown_is_named_at_plan(tmp_path, film, line, says):
+    study = written(tmp_path, film, line)
+    write_film(tmp_path / "flat.mp4", 3, (1280, 720))
+    write_film(tmp_path / "small.mp4", 3, (1280, 640))
+    (tmp_path / "text.mp4").write_text("no film")
+    key = "boat: {{keys: [{{t_s: 0, ellipse: [0, 0, 9, 9]}}, {{t_s: {}, ellipse: [0, {}, 9, 9]}}]}}"
+    (tmp_path / "late.yaml").write_text(key.format(3, 0) + "\ngull: {ellipse: [0, 0, 1, 1]}")
+    (tmp_path / "high.yaml").write_text(key.format(1, 88) + "\ngull: {ellipse: [0, 0, 1, 1]}")
+    with pytest.raises(DesignError, match=says):
+        _ = study.experiment({}).read
+
+
+def test_a_page_refuses_it_by_name_with_the_way_out(tmp_path, film):
+    with pytest.raises(DesignError, match=r"shows a Panorama, which no page shows; .* monitor"):
+        film_store(written(tmp_path, film).experiment({}))
+
+
+def test_an_event_describes_pictures_around_as_before_and_films_alike():
+    (again,) = read_items_text("(Panorama(file='a.mp4', stereo='none', yaw_deg=0.0, areas=''),)")
+    assert again.is_film
+    assert "Panorama(file='a.mp4', stereo='none', yaw_deg=0.0, areas='')" == repr(again)
