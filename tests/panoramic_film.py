@@ -6,7 +6,7 @@ import av
 import numpy as np
 import numpy.typing as npt
 
-RATE_HZ = 30
+RATE_HZ = 10
 SIZE_PX = (1920, 960)
 STEP = 5
 

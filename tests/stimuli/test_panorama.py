@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
 from visavis.stimuli.area_files import read_areas
 from visavis.stimuli.areas import Area, SurroundingAreas, areas_text, areas_under, read_areas_text
+from visavis.stimuli.film_file import FilmFacts
 from visavis.stimuli.flat import Panorama
 from visavis.stimuli.flat_pixels import read_picture
 from visavis.stimuli.panorama_pixels import eye_size_px, panorama_pixels
@@ -182,6 +184,74 @@ def test_areas_around_are_read_back_from_an_event(tmp_path):
     (again,) = read_areas_text(areas_text([around(*areas, yaw_deg=15.0)]))
     assert (15.0, SIZE, areas) == (again.yaw_deg, again.size_px, again.areas)
     assert ["back", ""] == looking(again, [165, 180], [0, 25], ["back"])
+
+
+FILM = FilmFacts(SIZE, np.arange(40) / 10, 4.0, False, 0.0)
+SINCE_NS = 7_000_000_000
+BALLOON = """balloon:
+  keys: [{t_s: 1, rectangle: [160, 5, 20, 10]}, {t_s: 3, rectangle: [200, 45, 20, 10]}]
+"""
+"""It goes 20 degrees a second across the picture's edge, and as many upwards."""
+BALLOON_TABLE = """area,t_s,yaw_deg,pitch_deg
+balloon,1,160,5
+balloon,1,180,5
+balloon,1,180,-5
+balloon,1,160,-5
+balloon,3,200,45
+balloon,3,220,45
+balloon,3,220,35
+balloon,3,200,35
+"""
+
+
+@pytest.mark.parametrize(("name", "text"), [("a.yaml", BALLOON), ("a.csv", BALLOON_TABLE)])
+def test_gaze_is_on_an_area_where_that_is_at_its_time_in_the_film(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    areas = read_areas(tmp_path / name, SIZE, is_around=True, film=FILM)
+    pose = Pose(np.array([0.0, 1.2, 0.0]), quat_from_yaw_pitch_deg(40.0))
+    (one,) = read_areas_text(
+        areas_text([SurroundingAreas(pose, 0.0, SIZE, areas, since_ns=SINCE_NS, end_s=3.9)])
+    )
+    t_s = np.array([0.9, 1.1, 1.1, 2.0, 2.0, 2.0, 2.9, 3.1])
+    yaw_deg = [170, 172, -172, 190, -170, 171, -152, -150]
+    pitch_deg = [0, 2, 2, 20, 20, 20, 38, 40]
+    on = ["", "balloon", "", "balloon", "balloon", "", "balloon", ""]
+    t_ns = SINCE_NS + np.round(t_s * 1e9).astype(np.int64)
+    assert on == looking(one, yaw_deg, pitch_deg, ["balloon"], t_ns=t_ns)
+    assert [True, False] == [one.areas_now(t)[0] is None for t in t_ns[[0, 1]].tolist()]
+
+
+def test_an_area_of_a_picture_around_has_no_key_frames(tmp_path):
+    with pytest.raises(DesignError, match=r"area balloon .* for films: .* or the Panorama of a"):
+        read(tmp_path / "a.yaml", BALLOON)
+
+
+@pytest.mark.parametrize(
+    ("size_px", "stereo", "says"),
+    [
+        ((1920, 960), "none", None),
+        ((1918, 959), "none", "1918 pixels wide for an eye; a panorama has 1920 at least"),
+        ((4096, 2048), "none", None),
+        ((4098, 2049), "none", "4098 pixels wide for an eye; .* 4096 at most"),
+        ((8192, 2048), "left-right", None),
+        ((4096, 4096), "top-bottom", None),
+        ((8194, 2048), "left-right", "8194 × 2048 pixels; up to 8192 each way"),
+        ((3840, 1920), "top-bottom", 'With stereo="none" it would be'),
+    ],
+)
+def test_a_film_around_has_so_many_pixels_for_each_eye(
+    tmp_path, monkeypatch, size_px, stereo, says
+):
+    (tmp_path / "a.mp4").write_bytes(b"")
+    monkeypatch.setattr(
+        "visavis.stimuli.film_file._facts", lambda *_: replace(FILM, size_px=size_px)
+    )
+    if says is None:
+        across = 2 if stereo == "left-right" else 1
+        assert size_px[0] == across * eye_size_px(Panorama("a.mp4", stereo), tmp_path)[0]
+    else:
+        with pytest.raises(DesignError, match=says):
+            eye_size_px(Panorama("a.mp4", stereo), tmp_path)
 
 
 @pytest.mark.parametrize("controls", [(), ("right", "right", "right", "up")])
