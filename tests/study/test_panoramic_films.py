@@ -24,6 +24,7 @@ from visavis.running.quick import quick_study
 from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.session_request import simulated_request
 from visavis.study.area_measures import areas_shown
+from visavis.study.files_read import digests_of_files
 from visavis.study.measures import SessionGaze, TrialRecord
 
 pytest.importorskip("av")
@@ -226,6 +227,11 @@ def test_what_cannot_be_shown_is_named_at_plan(tmp_path, film, line, says):
 def test_a_page_refuses_it_by_name_with_the_way_out(tmp_path, film):
     with pytest.raises(DesignError, match=r"shows a Panorama, which no page shows; .* monitor"):
         film_store(written(tmp_path, film).experiment({}))
+
+
+def test_a_locked_plan_holds_the_film_and_its_areas(tmp_path, film):
+    digests = digests_of_files(written(tmp_path, film).experiment({}))
+    assert {"lake.mp4", "left.yaml", "right.yaml"} <= set(digests)
 
 
 def test_an_event_describes_pictures_around_as_before_and_films_alike():

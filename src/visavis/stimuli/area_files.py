@@ -351,7 +351,9 @@ def _key_of(
             "ellipse, gone: true"
         )
     _refuse_idle(where, name, of)
-    area = Area(name) if "gone" in forms else _area_of(where, path, name, dict(of), size_px, downwards)
+    area = (
+        Area(name) if "gone" in forms else _area_of(where, path, name, dict(of), size_px, downwards)
+    )
     return KeyFrame(t_s, area.outline, area.ellipse)
 
 
