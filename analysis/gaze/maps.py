@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage, special
+from scipy.sparse import coo_array, csgraph
 
 Values = npt.NDArray[np.float64]
 SMOOTHING_DEG: Final = 1.0
@@ -36,11 +37,21 @@ class Grid:
         """Rows from top to bottom, columns from left to right."""
         return self.rows, self.columns
 
+    @property
+    def reach(self) -> tuple[float, float, float, float]:
+        """Where it ends: left, right, bottom, top."""
+        return -self.half_width, self.half_width, -self.half_height, self.half_height
+
     def centres(self) -> tuple[Values, Values]:
         """Return x (columns,) and y (rows,) of the cells' centres, y from the top downwards."""
         x = (np.arange(self.columns) + 0.5) / self.columns * 2 - 1
         y = 1 - (np.arange(self.rows) + 0.5) / self.rows * 2
         return x * self.half_width, y * self.half_height
+
+    def centres_deg(self) -> tuple[Values, Values]:
+        """Return degrees to the right (columns,) and upwards (rows,) of the cells' centres."""
+        x, y = self.centres()
+        return np.degrees(np.arctan(x)), np.degrees(np.arctan(y))
 
     def area_deg2(self) -> Values:
         """Return the solid angle of every cell (rows, columns) in square degrees."""
@@ -76,8 +87,13 @@ class Cluster:
     p: float
 
 
-def clusters_of_difference(differences: Values, seed: int = 0) -> list[Cluster]:
+def clusters_of_difference(
+    differences: Values, seed: int = 0, *, cell_deg2: Values | None = None
+) -> list[Cluster]:
     """Return clusters of cells in which the differences of people (n, rows, columns) are not 0.
+
+    With `cell_deg2` (rows, columns) the grid goes all around: cells count by their solid angle, the
+    last column is beside the first, and at a pole all cells touch.
 
     Cluster-based permutation test (Maris & Oostenveld, 2007, J Neurosci Methods 164:177): cells
     with a t beyond the two-sided 5 % form clusters. Their summed t is compared with the largest of
@@ -91,7 +107,7 @@ def clusters_of_difference(differences: Values, seed: int = 0) -> list[Cluster]:
     if n < MIN_PEOPLE:
         raise ValueError(f"{n} people; {MIN_PEOPLE} are the fewest that can show a difference")
     limit = float(special.stdtrit(n - 1, 1 - CLUSTER_ALPHA / 2))
-    here = _clusters(_t_values(differences, np.ones((1, n)))[0], limit)
+    here = _clusters(_t_values(differences, np.ones((1, n)))[0], limit, cell_deg2)
     if not here:
         return []
     if 2**n <= PERMUTATIONS:
@@ -102,7 +118,9 @@ def clusters_of_difference(differences: Values, seed: int = 0) -> list[Cluster]:
     largest = np.zeros(len(signs))
     for k in range(0, len(signs), 100):
         for i, t in enumerate(_t_values(differences, signs[k : k + 100])):
-            largest[k + i] = max((mass for _, mass, _ in _clusters(t, limit)), default=0.0)
+            largest[k + i] = max(
+                (mass for _, mass, _ in _clusters(t, limit, cell_deg2)), default=0.0
+            )
     return [
         Cluster(cells, is_more, float((largest >= mass - 1e-9).mean()))
         for cells, mass, is_more in here
@@ -123,10 +141,31 @@ def _t_values(differences: Values, signs: Values) -> Values:
     return t.reshape(len(signs), *shape)
 
 
-def _clusters(t: Values, limit: float) -> list[tuple[npt.NDArray[np.bool_], float, bool]]:
+def _clusters(
+    t: Values, limit: float, cell_deg2: Values | None
+) -> list[tuple[npt.NDArray[np.bool_], float, bool]]:
     clusters = []
+    weight = np.abs(t) if cell_deg2 is None else np.abs(t) * cell_deg2
     for is_more, beyond in ((True, t > limit), (False, t < -limit)):
         labels, count = ndimage.label(beyond)
-        masses = ndimage.sum_labels(np.abs(t), labels, np.arange(1, count + 1))
+        if cell_deg2 is not None and count > 1:
+            labels, count = _join_around(labels, count)
+        masses = ndimage.sum_labels(weight, labels, np.arange(1, count + 1))
         clusters += [(labels == k + 1, float(masses[k]), is_more) for k in range(count)]
     return clusters
+
+
+def _join_around(labels: npt.NDArray[np.int32], count: int) -> tuple[npt.NDArray[np.int32], int]:
+    """Return labels of clusters (rows, columns), joined where left and right edge meet and at the
+    poles, and how many there are.
+    """
+    seam = labels[:, [0, -1]]
+    pairs = [seam[(seam > 0).all(axis=1)]]
+    for row in (labels[0], labels[-1]):
+        at_pole = np.unique(row[row > 0])
+        pairs.append(np.stack([at_pole[:-1], at_pole[1:]], axis=1))
+    one, other = np.concatenate(pairs).T
+    links = coo_array((np.ones(len(one)), (one, other)), shape=(count + 1, count + 1))
+    joined_count, number = csgraph.connected_components(links, directed=False)
+    # 0, what is in none, touches nothing and stays the first
+    return number.astype(np.int32)[labels], joined_count - 1
