@@ -42,7 +42,7 @@ class SphereGrid:
         return right, (0.5 - (np.arange(self.rows) + 0.5) / self.rows) * 180.0
 
     def centres_deg(self) -> tuple[Values, Values]:
-        """Return the same."""
+        """Return the same, as of a grid in a plane."""
         return self.centres()
 
     def area_deg2(self) -> Values:

@@ -112,17 +112,6 @@ def test_sessions_without_gaze_are_told_by_their_folder(
     assert calls[-1][0] == calls[-1][1]  # the bar comes to its end
 
 
-def test_a_panorama_is_refused_with_what_measures_it(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    data = open_study(folder)
-    (trial_id, *_) = data.analysis().selection.counted["trial_id"]
-    events = pd.DataFrame({"payload": [{"trial_id": trial_id, "option_panorama": "Panorama()"}]})
-    monkeypatch.setattr(CachedRecording, "events_named", lambda *of: events)
-    with pytest.raises(UsageError, match=r"showed a panorama, .*view_range"):
-        gaze_maps(data, "gaze", peek=None, on_trial=lambda done, total: None)
-
-
 def test_the_verb_writes_pictures_and_a_table_and_says_what_differs(folder: Path) -> None:
     result: Any = CliRunner().invoke(app, ["gaze-map", str(folder), "--by", "gaze"])
     assert 0 == result.exit_code, result.output

@@ -1,22 +1,27 @@
-"""Maps of gaze on the scene: how long people looked where, by condition, on what was drawn."""
+"""Maps of gaze on the scene: how long people looked where, by condition, on what was drawn; on a
+panorama all around.
+"""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from PIL import Image as PillowImage
 
 from visavis.analysis.gaze.maps import (
     MIN_PEOPLE,
+    SMOOTHING_DEG,
     Cluster,
     Grid,
     Values,
     clusters_of_difference,
     dwell_map,
 )
+from visavis.analysis.gaze.sphere_maps import SPHERE_SMOOTHING_DEG, SphereGrid, sphere_map
 from visavis.analysis.plots import ReportFigure, draw, new_figure, write_figure
 from visavis.analysis.report.notation import count_of
 from visavis.cli.film.film import pictures_of
@@ -25,7 +30,15 @@ from visavis.cli.preview.pictures import symmetric_camera
 from visavis.cli.recorded_trial import RecordedTrial, recorded_trial
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
-from visavis.lab.geometry import Pose, Vector, quat_conjugate, quat_from_yaw_pitch_deg, rotate
+from visavis.lab.geometry import (
+    Pose,
+    Vector,
+    direction_from_yaw_pitch_deg,
+    quat_conjugate,
+    quat_from_yaw_pitch_deg,
+    rotate,
+    yaw_pitch_deg_of,
+)
 from visavis.lab.yaml_lines import names_or_none
 from visavis.recording.cached import CachedRecording
 from visavis.recording.csv_file import write_csv
@@ -33,7 +46,9 @@ from visavis.results.flat_again import read_items_text
 from visavis.results.opened_study import OpenedStudy
 from visavis.results.several_sessions import SESSION_NUMBER
 from visavis.running.scripts import StudyData
-from visavis.stimuli.flat import Image, Video
+from visavis.stimuli.areas import SurroundingAreas
+from visavis.stimuli.flat import Image, Panorama, Video
+from visavis.stimuli.picture import Picture
 from visavis.stimuli.room_areas import RoomAreas
 from visavis.stimuli.surfaces import Surfaces
 from visavis.study.area_measures import areas_shown
@@ -48,16 +63,21 @@ COARSE: Final = 9
 MAX_APART_M: Final = 0.35
 """From eyes farther apart than this one does not see the same picture."""
 SIZE_PX: Final = (960, 600)
+AROUND_PX: Final = (1440, 720)
 CELLS: Final = (160, 100)
 MIN_TANGENT, MAX_TANGENT, WITHIN_01 = 0.3, 0.84, 0.98
 ALPHA: Final = 0.05
+AT_MIDDLE: Final = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+Pictures = tuple[Image | Video | Panorama, ...]
+"""What a trial showed, or the panorama alone that was behind it."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrialGaze:
     """A trial's usable gaze: eyes (n, 3), ends on what was drawn (n, 3), seconds of each sample.
 
-    `pictures` are the images and films that it showed.
+    `pictures` are the images and films that it showed. On a panorama ends are directions in its
+    picture, and eyes in their middle.
     """
 
     participant: str
@@ -65,7 +85,12 @@ class TrialGaze:
     eyes_m: Vector
     ends_m: Vector
     seconds: Values
-    pictures: tuple[Image | Video, ...] = ()
+    pictures: Pictures = ()
+
+    @property
+    def is_around(self) -> bool:
+        """Whether it was on a panorama."""
+        return any(isinstance(one, Panorama) for one in self.pictures)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +105,14 @@ class GazeMaps:
     levels: tuple[str, ...]
     people: Mapping[str, tuple[str, ...]]
     maps: Mapping[str, Values]
-    grid: Grid
+    grid: Grid | SphereGrid
     image: "np.ndarray[Any, np.dtype[np.uint8]]"
     clusters: tuple[Cluster, ...] | None
     why_not: str
     outlines: tuple[tuple[str, Values], ...] = ()
-    """The areas of interest of the trial that is drawn, by name: tangents (corners, 2)."""
+    """The areas of interest of the trial that is drawn, by name: corners (n, 2) in the grid's own
+    units.
+    """
     picture: str = ""
 
 
@@ -100,7 +127,8 @@ def gaze_maps(
     """Return the maps of a study's trials that count, and where its first two levels differ.
 
     Where trials showed different pictures or films, each has maps of its own. Gaze counts while
-    what the columns of the name `during` tell of was shown; without one, always.
+    what the columns of the name `during` tell of was shown; without one, always, and on a panorama
+    while that was shown.
 
     Raises:
         UsageError: there is no such factor, no gaze, people looked from places too far apart, or
@@ -114,33 +142,52 @@ def gaze_maps(
     trials = analysis.selection.counted
     levels = tuple(str(v) for v in analysis.levels[factor] if (trials[factor] == v).any())
     looks, firsts = _looks(data, trials, factor, on_trial, during)
-    eyes_m = np.concatenate([one.eyes_m for one in looks])
-    middle_m = np.median(eyes_m, axis=0)
-    apart_m = float(np.percentile(np.linalg.norm(eyes_m - middle_m, axis=1), 95))
-    if apart_m > MAX_APART_M:
-        raise UsageError(
-            f"people looked from places up to {apart_m:.1f} m apart: no one picture shows "
-            "what they saw; visavis view shows a session as it was"
-        )
+    middle_m = _middle_of_eyes([one for one in looks if not one.is_around])
     file_names = _names_of(firsts) if len(firsts) > 1 else [""]
     of_pictures = []
     for name, (pictures, (first, since_ns)) in zip(file_names, firsts.items(), strict=True):
         mine = [one for one in looks if one.pictures == pictures]
-        image, seen_from, grid, t_ns = _scene(data.study, first, middle_m, mine, during, since_ns)
+        grid: Grid | SphereGrid
+        if mine[0].is_around:
+            image, outlines = _all_around(data.study, first, during, since_ns)
+            seen_from, grid = AT_MIDDLE, SphereGrid()
+        else:
+            image, seen_from, grid, t_ns = _scene(
+                data.study, first, middle_m, mine, during, since_ns
+            )
+            outlines = _outlines(first, during, seen_from, t_ns)
         maps, people = {}, {}
         own = tuple(level for level in levels if any(one.level == level for one in mine))
         for level in own:
             of_people = maps_of_people([one for one in mine if one.level == level], seen_from, grid)
             people[level], maps[level] = tuple(of_people), np.array(list(of_people.values()))
-        clusters, why_not = _compare(own, people, maps)
-        outlines = _outlines(first, during, seen_from, t_ns)
+        clusters, why_not = _compare(own, people, maps, grid)
         of_pictures.append(
             GazeMaps(factor, own, people, maps, grid, image, clusters, why_not, outlines, name)
         )
     return tuple(sorted(of_pictures, key=lambda maps: maps.picture))
 
 
-def _names_of(pictures: Iterable[tuple[Image | Video, ...]]) -> list[str]:
+def _middle_of_eyes(looks: Sequence[TrialGaze]) -> Vector:
+    """Return the middle of all eyes.
+
+    Raises:
+        UsageError: people looked from places too far apart.
+    """
+    if not looks:
+        return np.zeros(3)
+    eyes_m = np.concatenate([one.eyes_m for one in looks])
+    middle_m: Vector = np.median(eyes_m, axis=0)
+    apart_m = float(np.percentile(np.linalg.norm(eyes_m - middle_m, axis=1), 95))
+    if apart_m > MAX_APART_M:
+        raise UsageError(
+            f"people looked from places up to {apart_m:.1f} m apart: no one picture shows "
+            "what they saw; visavis view shows a session as it was"
+        )
+    return middle_m
+
+
+def _names_of(pictures: Iterable[Pictures]) -> list[str]:
     """Return what each picture is called, or several that were shown together: by their files."""
     names = ["_".join(Path(one.file).stem for one in of) or "none" for of in pictures]
     return [
@@ -174,12 +221,12 @@ def _looks(
     factor: str,
     on_trial: Callable[[int, int], None],
     during: str,
-) -> tuple[list[TrialGaze], dict[tuple[Image | Video, ...], tuple[RecordedTrial, int]]]:
+) -> tuple[list[TrialGaze], dict[Pictures, tuple[RecordedTrial, int]]]:
     """Return the gaze of every trial that counts, and of each picture the first trial that showed
     it, and since when (session time, ns; 0 without any).
     """
     looks: list[TrialGaze] = []
-    firsts: dict[tuple[Image | Video, ...], tuple[RecordedTrial, int]] = {}
+    firsts: dict[Pictures, tuple[RecordedTrial, int]] = {}
     surfaces, number = Surfaces(COARSE), 0
     numbers = trials.get(SESSION_NUMBER.name, trials["session"])
     for session in data.sessions:
@@ -195,24 +242,23 @@ def _looks(
             continue
         for trial_id, level in zip(mine["trial_id"], mine[factor], strict=True):
             trial = recorded_trial(recording, str(trial_id))
-            payloads = recording.events_named("shown", trial.part)["payload"]
-            mine_here = [p for p in payloads if p.get("trial_id") == str(trial_id)]
-            if any("option_panorama" in payload for payload in mine_here):
-                raise UsageError(
-                    f"{session.path}: trial {trial_id} showed a panorama, which is all around: no "
-                    "one picture shows what was seen. Measure gaze on its areas (looks_at), or how "
-                    "far people looked around (view_range)"
-                )
-            ends = _ends(data.study, trial, surfaces, during)
+            mine_here = _shown_in(trial)
+            since_ns = _pictures_of(mine_here, during)
+            around = next((one for one in since_ns if isinstance(one, Panorama)), None)
+            if around is None:
+                ends = _ends(data.study, trial, surfaces, during)
+            else:
+                ends = _directions(trial, during)
             if ends is not None:
-                since_ns = _pictures_of(mine_here, during)
                 if len(set(since_ns.values())) > 1:
                     names = ", ".join(dict.fromkeys(str(p["name"]) for p in mine_here))
                     raise UsageError(
                         f"{session.path}: trial {trial_id} showed pictures one after another; say "
                         f"by --during while which of them gaze counts ({names})"
                     )
-                pictures = tuple(since_ns)
+                pictures: Pictures = tuple(since_ns)
+                if around is not None:  # the same picture, whatever of it was ahead at first
+                    pictures = (replace(around, yaw_deg=0.0, areas=""),)
                 firsts.setdefault(pictures, (trial, max(since_ns.values(), default=0)))
                 looks.append(TrialGaze(manifest.participant, str(level), *ends, pictures))
             number += 1
@@ -223,13 +269,25 @@ def _looks(
     return looks, firsts
 
 
-def _pictures_of(payloads: Iterable[Mapping[str, Any]], during: str) -> dict[Image | Video, int]:
-    """Return the images and films of a trial's events "shown", and when each came first (ns)."""
-    since_ns: dict[Image | Video, int] = {}
+def _shown_in(trial: RecordedTrial) -> list[Mapping[str, Any]]:
+    """Return the events "shown" of a trial."""
+    payloads = trial.recording.events_named("shown", trial.part)["payload"]
+    return [p for p in payloads if p.get("trial_id") == str(trial.row["trial_id"])]
+
+
+def _pictures_of(
+    payloads: Iterable[Mapping[str, Any]], during: str
+) -> dict[Image | Video | Panorama, int]:
+    """Return the images, films and panoramas of a trial's events "shown", and when each came first
+    (ns).
+    """
+    since_ns: dict[Image | Video | Panorama, int] = {}
     for payload in payloads:
         if during in ("", payload["name"]):
-            for item in read_items_text(str(payload.get("option_items", "()"))):
-                if isinstance(item, Image | Video):
+            behind = f"({payload['option_panorama']},)" if "option_panorama" in payload else "()"
+            items = str(payload.get("option_items", "()"))
+            for item in (*read_items_text(behind), *read_items_text(items)):
+                if isinstance(item, Image | Video | Panorama):
                     since_ns.setdefault(item, int(payload["start_ns"]))
     return since_ns
 
@@ -270,6 +328,63 @@ def _ends(
     return eyes, ends, np.full(len(eyes), seconds)
 
 
+def _panoramas_shown(
+    trial: RecordedTrial, during: str
+) -> Iterator[tuple[SurroundingAreas, tuple[int, int]]]:
+    """Yield where each panorama of a trial stood with its areas, and from when to when (ns)."""
+    for name in dict.fromkeys(str(p["name"]) for p in _shown_in(trial) if "option_panorama" in p):
+        span_ns = trial.span_of(name)
+        if span_ns is None or during not in ("", name):
+            continue
+        for sheet in areas_shown(TrialRecord(trial.row, trial.recording), name):
+            if isinstance(sheet, SurroundingAreas):
+                yield sheet, span_ns
+
+
+def _directions(trial: RecordedTrial, during: str) -> tuple[Vector, Vector, Values] | None:
+    """Return, as `_ends` does, a trial's gaze on a panorama as directions in its picture."""
+    if trial.gaze is None:
+        return None
+    pieces, stamps = [], trial.gaze["t_sample_ns"]
+    for around, (start_ns, end_ns) in _panoramas_shown(trial, during):
+        inside = (stamps >= start_ns) & (stamps < end_ns)
+        if np.count_nonzero(inside) < 2:
+            continue
+        period_s = float(np.median(np.diff(stamps[inside]))) / NS_PER_S
+        rows = np.flatnonzero(inside & trial.gaze["valid"])
+        x, y = around.pixels_met(
+            trial.gaze["direction_world"][rows].astype(np.float64), stamps[rows]
+        )
+        wide, high = around.size_px
+        towards = direction_from_yaw_pitch_deg((0.5 - x / wide) * 360.0, (0.5 - y / high) * 180.0)
+        pieces.append((towards, np.full(len(towards), period_s)))
+    if not pieces:
+        return None
+    ends, seconds = (np.concatenate([piece[i] for piece in pieces]) for i in (0, 1))
+    return np.zeros_like(ends), ends, seconds
+
+
+def _all_around(
+    study: OpenedStudy, first: RecordedTrial, during: str, since_ns: int
+) -> tuple[Any, tuple[tuple[str, Values], ...]]:
+    """Return the whole picture of the first trial's panorama as it was after a time, the left eye's
+    if there are two, and its areas, in degrees.
+    """
+    around, (start_ns, end_ns) = next(_panoramas_shown(first, during))
+    t_ns, picture = _lit_picture(study, first, (max(start_ns, since_ns), end_ns))
+    assert picture.surround is not None  # noqa: S101 - the event says that there was one
+    whole = PillowImage.fromarray(picture.surround.eyes[0][..., :3]).resize(AROUND_PX)
+    px_per_deg = around.size_px[0] / 360.0
+    outlines = []
+    for area in (area for area in around.areas_now(t_ns) if area is not None):
+        corners = area.corners() / px_per_deg * np.array([1, -1]) + np.array([-180, 90])
+        for shift_deg in (-360, 0, 360):  # it may reach across the picture's edge
+            placed = corners + np.array([shift_deg, 0.0])
+            if len(corners) and placed[:, 0].max() > -180 and placed[:, 0].min() < 180:
+                outlines.append((area.name, placed))
+    return np.array(whole), tuple(outlines)
+
+
 def _tangents(seen_from: Pose, places_m: Vector) -> tuple[Values, Values, "np.ndarray[Any, Any]"]:
     """Return tangents x, y of places from an eye, and which lie before it."""
     back = quat_conjugate(seen_from.orientation_wxyz)
@@ -302,31 +417,48 @@ def _scene(
     tangents = np.maximum(np.abs(x[before]) / aspect, np.abs(y[before]))
     top = float(np.clip(1.1 * np.quantile(tangents, WITHIN_01), MIN_TANGENT, MAX_TANGENT))
     start_ns, end_ns = first.span_of(during) or first.span_ns
-    times = np.linspace(max(start_ns, since_ns), end_ns, 9)[1:-1].astype(np.int64).tolist()
-    shown_at = pictures_of(study, first)
-    t_ns = next((t for t in times if shown_at(t).brightness_01 > 0), None)
-    if t_ns is None:
-        raise UsageError(f"{first.recording.path}: its first trial shows no scene to draw gaze on")
+    t_ns, picture = _lit_picture(study, first, (max(start_ns, since_ns), end_ns))
     with session_drawing() as drawing:
-        image = np.array(
-            drawing.image(shown_at(t_ns), symmetric_camera(seen_from, top, aspect), SIZE_PX)
-        )
+        image = np.array(drawing.image(picture, symmetric_camera(seen_from, top, aspect), SIZE_PX))
     return image, seen_from, Grid(top * aspect, top, *CELLS), t_ns
 
 
-def maps_of_people(looks: Sequence[TrialGaze], seen_from: Pose, grid: Grid) -> dict[str, Values]:
+def _lit_picture(
+    study: OpenedStudy, trial: RecordedTrial, span_ns: tuple[int, int]
+) -> tuple[int, Picture]:
+    """Return a time within a span of a trial, an eighth after its begin if it was light then, and
+    the picture of it.
+    """
+    shown_at = pictures_of(study, trial)
+    for t_ns in np.linspace(*span_ns, 9)[1:-1].astype(np.int64).tolist():
+        if (picture := shown_at(t_ns)).brightness_01 > 0:
+            return t_ns, picture
+    raise UsageError(f"{trial.recording.path}: its first trial shows no scene to draw gaze on")
+
+
+def maps_of_people(
+    looks: Sequence[TrialGaze], seen_from: Pose, grid: Grid | SphereGrid
+) -> dict[str, Values]:
     """Return each participant's map in s per square degree and trial, by label."""
     maps = {}
     for who in sorted({one.participant for one in looks}):
         mine = [one for one in looks if one.participant == who]
-        x, y, before = _tangents(seen_from, np.concatenate([one.ends_m for one in mine]))
+        ends_m = np.concatenate([one.ends_m for one in mine])
         seconds = np.concatenate([one.seconds for one in mine])
+        if isinstance(grid, SphereGrid):
+            yaw_deg, pitch_deg = yaw_pitch_deg_of(ends_m)
+            maps[who] = sphere_map(grid, -yaw_deg, pitch_deg, seconds) / len(mine)
+            continue
+        x, y, before = _tangents(seen_from, ends_m)
         maps[who] = dwell_map(grid, x[before], y[before], seconds[before]) / len(mine)
     return maps
 
 
 def _compare(
-    levels: Sequence[str], people: Mapping[str, Sequence[str]], maps: Mapping[str, Values]
+    levels: Sequence[str],
+    people: Mapping[str, Sequence[str]],
+    maps: Mapping[str, Values],
+    grid: Grid | SphereGrid,
 ) -> tuple[tuple[Cluster, ...] | None, str]:
     """Return where the first two levels differ; or why they were not compared."""
     if len(levels) < 2:
@@ -338,7 +470,9 @@ def _compare(
         return None, f"{had} had both; a test of maps needs {MIN_PEOPLE}"
     rows = [[people[level].index(who) for who in both] for level in (first, second)]
     differences = maps[first][rows[0]] - maps[second][rows[1]]
-    return tuple(c for c in clusters_of_difference(differences) if c.p < ALPHA), ""
+    cell_deg2 = grid.area_deg2() if isinstance(grid, SphereGrid) else None
+    clusters = clusters_of_difference(differences, cell_deg2=cell_deg2)
+    return tuple(c for c in clusters if c.p < ALPHA), ""
 
 
 def figure_of_maps(result: GazeMaps, study: OpenedStudy, *, is_simulated: bool) -> ReportFigure:
@@ -348,13 +482,20 @@ def figure_of_maps(result: GazeMaps, study: OpenedStudy, *, is_simulated: bool) 
     factor = label_of(texts, result.factor)
     n = count_of(len({who for of in result.people.values() for who in of}), "participant")
     on_picture = f" on {result.picture}" if result.picture else ""
+    smoothing = f"{SMOOTHING_DEG:g}°"
+    place = "The scene is that of one trial, seen from the middle of all eyes."
+    if isinstance(result.grid, SphereGrid):
+        smoothing = f"{SPHERE_SMOOTHING_DEG:g}° on the sphere"
+        place = (
+            "The whole picture, 360 by 180 degrees: degrees to the right of its middle, and "
+            "upwards."
+        )
     return draw(
         "_".join(filter(None, (f"gaze_map_by_{result.factor}", result.picture))),
         lambda: _figure(result, names),
         title=f"Where people looked{on_picture}, by {factor}",
         caption=f"Mean over {n} of the time of gaze on what was drawn, in ms per square degree and "
-        f"trial, smoothed by 1°. {difference_words(result, study)} The scene is that of one trial, "
-        "seen from the middle of all eyes.",
+        f"trial, smoothed by {smoothing}. {difference_words(result, study)} {place}",
         alternative=f"The scene with the time of gaze on it, a picture for each {factor}.",
         is_simulated=is_simulated,
     )
@@ -383,10 +524,18 @@ def _figure(result: GazeMaps, names: Mapping[str, str]) -> Figure:
     figure = new_figure(4.4 * across, 2.5 * ((count + across - 1) // across))
     every = list(figure.subplots(-(-count // across), across, squeeze=False).flat)
     grey = result.image.mean(axis=2)
-    width, height = result.grid.half_width, result.grid.half_height
-    reach = (-width, width, -height, height)
+    reach = result.grid.reach
     for axes in every:
         axes.set_axis_off()
+    if isinstance(result.grid, SphereGrid):
+        for axes in every[:count]:
+            axes.set_axis_on()
+            axes.set(xlim=reach[:2], ylim=reach[2:], aspect="equal")
+            axes.set_xticks(range(-180, 181, 90))
+            axes.set_yticks(range(-90, 91, 45))
+            axes.xaxis.set_major_formatter("{x:.0f}°")
+            axes.yaxis.set_major_formatter("{x:.0f}°")
+            axes.tick_params(labelsize=6)
     for axes, level in zip(every, result.levels, strict=False):
         axes.imshow(grey, cmap="gray", vmin=0, vmax=255, extent=reach, interpolation="bilinear")
         mean = means[level]
@@ -401,7 +550,14 @@ def _figure(result: GazeMaps, names: Mapping[str, str]) -> Figure:
         )
         for name, corners in result.outlines:
             axes.fill(*corners.T, fill=False, edgecolor="white", linewidth=0.6)
-            axes.annotate(name, corners.min(axis=0), color="white", fontsize=5, va="top")
+            axes.annotate(
+                name,
+                corners.min(axis=0),
+                color="white",
+                fontsize=5,
+                va="top",
+                annotation_clip=True,
+            )
         axes.set_title(f"{names[level]} (n = {len(result.people[level])})", fontsize=9.5)
     figure.colorbar(
         colours, ax=every[: len(result.levels)], shrink=0.7, label="ms per deg² and trial"
@@ -431,8 +587,7 @@ def _figure(result: GazeMaps, names: Mapping[str, str]) -> Figure:
 
 def table_of_maps(result: GazeMaps, *, is_simulated: bool) -> pd.DataFrame:
     """Return a row for each level and cell: its place in degrees, mean and SD over people."""
-    x, y = result.grid.centres()
-    right_deg, up_deg = np.meshgrid(np.degrees(np.arctan(x)), np.degrees(np.arctan(y)))
+    right_deg, up_deg = np.meshgrid(*result.grid.centres_deg())
     return pd.concat(
         [
             pd.DataFrame(

@@ -1,0 +1,88 @@
+"""Maps of gaze on the sphere: of one width everywhere, without a seam, by solid angle."""
+
+import numpy as np
+import pytest
+
+from visavis.analysis.gaze.maps import MIN_PEOPLE, _clusters, clusters_of_difference
+from visavis.analysis.gaze.sphere_maps import SPHERE_SMOOTHING_DEG, SphereGrid, sphere_map
+from visavis.lab.geometry import direction_from_yaw_pitch_deg
+
+GRID = SphereGrid()
+
+
+def map_of(right_deg: float, up_deg: float, seconds: float = 2.0) -> np.ndarray:
+    """Return the map of gaze that stayed at one place."""
+    return sphere_map(GRID, *(np.array([v]) for v in (right_deg, up_deg, seconds)))
+
+
+def degrees_from(right_deg: float, up_deg: float) -> np.ndarray:
+    """Return how far each cell is from a place, by the great circle."""
+    right, up = np.meshgrid(*GRID.centres())
+    cells, place = (
+        direction_from_yaw_pitch_deg(-np.asarray(r), np.asarray(u))
+        for r, u in ((right, up), (right_deg, up_deg))
+    )
+    return np.degrees(np.arccos(np.clip(cells @ place, -1, 1)))
+
+
+def test_the_cells_are_the_sphere() -> None:
+    assert 4 * np.pi * np.degrees(1) ** 2 == pytest.approx(GRID.area_deg2().sum())
+
+
+@pytest.mark.parametrize("up_deg", [0.5, -45.5, 80.5, 88.5, -89.5, 90.0])
+def test_a_peak_is_as_wide_and_as_high_and_holds_as_much_time_near_a_pole(up_deg: float) -> None:
+    density = map_of(30.5, up_deg)
+    far_deg = degrees_from(30.5, min(up_deg, 89.5))
+    sd = SPHERE_SMOOTHING_DEG
+    expected = 2.0 / (2 * np.pi * sd**2) * np.exp(-0.5 * (far_deg / sd) ** 2)
+    near = far_deg < 3 * sd
+    assert 2.0 == pytest.approx((density * GRID.area_deg2()).sum())
+    np.testing.assert_allclose(density[near], expected[near], atol=0.02 * expected.max())
+    assert 0 == density[far_deg > 4 * sd + 1].max()
+
+
+def test_gaze_at_the_seam_is_continuous_and_as_anywhere_else() -> None:
+    at_seam, ahead = map_of(-179.5, 10.0), map_of(0.5, 10.0)
+    np.testing.assert_allclose(np.roll(ahead, 180, axis=1), at_seam, atol=1e-12)
+    edge = at_seam[GRID.rows // 2 - 10, [0, -1]]
+    assert edge[1] == pytest.approx(edge[0] * np.exp(-0.5 / SPHERE_SMOOTHING_DEG**2), rel=0.05)
+    np.testing.assert_array_equal(map_of(180.0, 10.0), map_of(-180.0, 10.0))
+
+
+def test_reversed_gaze_moves_the_map() -> None:
+    right_deg, up_deg = np.array([20.5, 25.5, 100.5]), np.array([10.5, -60.5, 40.5])
+    seconds = np.array([1.0, 2.0, 3.0])
+    as_it_was = sphere_map(GRID, right_deg, up_deg, seconds)
+    mirrored = sphere_map(GRID, -right_deg, -up_deg, seconds)
+    np.testing.assert_allclose(as_it_was[::-1, ::-1], mirrored, atol=1e-12)
+    assert not np.allclose(as_it_was, mirrored, atol=0.01)
+
+
+def test_a_difference_across_the_seam_is_one_cluster_and_ends_where_it_ends() -> None:
+    random = np.random.default_rng(1)
+    differences = np.array(
+        [
+            sphere_map(GRID, random.normal(180, 6, 80), random.normal(0, 6, 80), np.full(80, 0.1))
+            - sphere_map(GRID, random.normal(0, 6, 80), random.normal(0, 6, 80), np.full(80, 0.1))
+            for _ in range(MIN_PEOPLE)
+        ]
+    )
+    clusters = clusters_of_difference(differences, cell_deg2=GRID.area_deg2())
+    more, less = sorted((c for c in clusters if c.p < 0.05), key=lambda c: not c.is_more)
+    assert more.cells[:, 0].any()
+    assert more.cells[:, -1].any()
+    assert more.is_more > less.is_more
+    assert degrees_from(180.0, 0.0)[more.cells].max() < 30
+    assert degrees_from(0.0, 0.0)[less.cells].max() < 30
+
+
+def test_cells_count_by_their_solid_angle_and_touch_at_a_pole() -> None:
+    t = np.zeros(GRID.shape)
+    t[0, [3, 90, 200]] = 5.0  # three cells at the pole, none beside another
+    t[89, 100] = 5.0
+    _, at_equator = sorted(_clusters(t, 2.0, GRID.area_deg2()), key=lambda one: one[1])
+    at_pole, _ = sorted(_clusters(t, 2.0, GRID.area_deg2()), key=lambda one: one[1])
+    assert [3, 1] == [int(cells.sum()) for cells, _, _ in (at_pole, at_equator)]
+    assert 5 * GRID.area_deg2()[89, 0] == pytest.approx(at_equator[1])
+    assert 15 * GRID.area_deg2()[0, 0] == pytest.approx(at_pole[1])
+    assert 4 == len(_clusters(t, 2.0, None))  # in a plane they do not touch
