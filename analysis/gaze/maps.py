@@ -6,7 +6,7 @@ A map is a grid over the plane of a picture. Coordinates are tangents from the e
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from scipy import ndimage, special
 from scipy.sparse import coo_array, csgraph
 
 Values = npt.NDArray[np.float64]
+Labels = npt.NDArray[np.signedinteger[Any]]
 SMOOTHING_DEG: Final = 1.0
 """Standard deviation of the smoothing, about the fovea's radius."""
 CLUSTER_ALPHA: Final = 0.05
@@ -155,7 +156,7 @@ def _clusters(
     return clusters
 
 
-def _join_around(labels: npt.NDArray[np.int32], count: int) -> tuple[npt.NDArray[np.int32], int]:
+def _join_around(labels: Labels, count: int) -> tuple[Labels, int]:
     """Return labels of clusters (rows, columns), joined where left and right edge meet and at the
     poles, and how many there are.
     """
@@ -168,4 +169,5 @@ def _join_around(labels: npt.NDArray[np.int32], count: int) -> tuple[npt.NDArray
     links = coo_array((np.ones(len(one)), (one, other)), shape=(count + 1, count + 1))
     joined_count, number = csgraph.connected_components(links, directed=False)
     # 0, what is in none, touches nothing and stays the first
-    return number.astype(np.int32)[labels], joined_count - 1
+    joined: Labels = number[labels]
+    return joined, joined_count - 1

@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 Values = npt.NDArray[np.float64]
 SPHERE_SMOOTHING_DEG: Final = 2.0
-"""Standard deviation of the smoothing, twice that in a plane: people turn their heads meanwhile, and
-gaze in a headset is less accurate; our choice."""
+"""Standard deviation of the smoothing, twice that in a plane: gaze in a headset is less accurate;
+our choice."""
 TRUNCATE: Final = 4.0
 """Beyond so many standard deviations a kernel is 0."""
 

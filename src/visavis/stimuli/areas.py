@@ -487,11 +487,12 @@ def _from_json(raw: Mapping[str, Any]) -> PictureAreas:
         areas.append(Area(of["name"], outline, ellipse, pixels, salience, keys))
     pose = Pose(np.array(raw["position_m"]), np.array(raw["orientation_wxyz"]))
     wide, high = raw["size_px"]
-    film = {"since_ns": int(raw.get("since_ns", 0)), "end_s": float(raw.get("end_s", 0.0))}
+    since_ns, end_s = int(raw.get("since_ns", 0)), float(raw.get("end_s", 0.0))
     if "yaw_deg" in raw:
-        return SurroundingAreas(pose, float(raw["yaw_deg"]), (wide, high), tuple(areas), **film)
+        around = SurroundingAreas(pose, float(raw["yaw_deg"]), (wide, high), tuple(areas))
+        return replace(around, since_ns=since_ns, end_s=end_s)
     wide_m, high_m = raw["size_m"]
-    return PlacedAreas(pose, (wide_m, high_m), (wide, high), tuple(areas), **film)
+    return PlacedAreas(pose, (wide_m, high_m), (wide, high), tuple(areas), since_ns, end_s)
 
 
 def _shape_of(raw: Mapping[str, Any]) -> tuple[Outline, Ellipse | None]:

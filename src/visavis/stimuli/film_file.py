@@ -3,11 +3,11 @@
 import queue
 import threading
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,8 @@ from visavis.lab.geometry import Vector
 from visavis.stimuli.flat import Panorama, Video, picture_path
 
 Pixels = npt.NDArray[np.uint8]
+Made = TypeVar("Made")
+"""What is made of the pixels of a picture."""
 MAX_FILE_BYTES: Final = 500_000_000
 MAX_SIZE_PX: Final = 4096
 MAX_AROUND_PX: Final = 2 * MAX_SIZE_PX
@@ -207,29 +209,38 @@ def _av(path: Path) -> Any:
 
 
 @dataclass
-class _Decoding:
+class _Decoding(Generic[Made]):
     """What a thread that decodes shares with its reader; it holds no reader, so that both end."""
 
-    pictures: "queue.Queue[tuple[int, Pixels | Exception]]"
+    pictures: "queue.Queue[tuple[int, Made | Exception]]"
     wanted_index: int
     is_over: threading.Event
 
 
-class FilmReader:
-    """Own the decoding of one film into pictures of one size, ahead of their time in a thread."""
+class PictureReader(Generic[Made]):
+    """Own the decoding of one film into pictures of one size, and what `make` makes of them, ahead
+    of their time in a thread.
+    """
 
-    def __init__(self, path: Path, size_px: tuple[int, int], *, is_around: bool = False) -> None:
+    def __init__(
+        self,
+        path: Path,
+        size_px: tuple[int, int],
+        make: Callable[[Pixels], Made],
+        *,
+        is_around: bool = False,
+    ) -> None:
         self.facts = film_facts(path, is_around=is_around)
-        self._path, self._size_px = path, size_px
+        self._path, self._size_px, self._make = path, size_px, make
         ahead = AHEAD_BYTES // (4 * size_px[0] * size_px[1])
         self._ahead = int(np.clip(ahead, MIN_AHEAD, MAX_AHEAD))
-        self._decoding: _Decoding | None = None
-        self._shown_picture: tuple[int, Pixels] | None = None
-        self._first: Pixels | None = None
+        self._decoding: _Decoding[Made] | None = None
+        self._shown_picture: tuple[int, Made] | None = None
+        self._first: Made | None = None
 
-    def picture_at(self, t_s: float) -> Pixels:
-        """Return the picture of a time (h, w, 4), the same object for the same picture; wait for it
-        where it is not decoded yet.
+    def picture_at(self, t_s: float) -> Made:
+        """Return what is made of the picture of a time, the same object for the same picture; wait
+        for it where it is not decoded yet.
 
         Raises:
             DesignError: it cannot be decoded.
@@ -261,24 +272,40 @@ class FilmReader:
     def _begin(self, first: int) -> None:
         if self._decoding is not None:
             self._decoding.is_over.set()
-        decoding = _Decoding(queue.Queue(self._ahead), first, threading.Event())
+        decoding: _Decoding[Made] = _Decoding(queue.Queue(self._ahead), first, threading.Event())
         self._decoding = decoding
         self._shown_picture = None if first or self._first is None else (0, self._first)
         weakref.finalize(self, decoding.is_over.set)
-        arguments = (self._path, self._size_px, self.facts, first, decoding)
+        arguments = (self._path, self._size_px, self._make, self.facts, first, decoding)
         threading.Thread(target=_decode, args=arguments, name="film", daemon=True).start()
 
 
+class FilmReader(PictureReader[Pixels]):
+    """Own the decoding of one film into pictures of one size (h, w, 4)."""
+
+    def __init__(self, path: Path, size_px: tuple[int, int]) -> None:
+        super().__init__(path, size_px, _as_it_is)
+
+
+def _as_it_is(pixels: Pixels) -> Pixels:
+    return pixels
+
+
 def _decode(
-    path: Path, size_px: tuple[int, int], facts: FilmFacts, first: int, decoding: _Decoding
+    path: Path,
+    size_px: tuple[int, int],
+    make: Callable[[Pixels], Made],
+    facts: FilmFacts,
+    first: int,
+    decoding: _Decoding[Made],
 ) -> None:
     """Decode pictures from one on, until the film or its reader is over."""
-    last: tuple[int, Pixels | Exception] = (first, DesignError("it has no such picture"))
+    last: tuple[int, Made | Exception] = (first, DesignError("it has no such picture"))
     try:
         for index, frame in _frames_from(path, facts, first):
             if index < decoding.wanted_index and index != len(facts.stamps_s) - 1:
                 continue  # nobody needs it any more
-            last = index, _rgba(frame, size_px)
+            last = index, make(_rgba(frame, size_px))
             if not _put(decoding, last):
                 return
     except Exception as problem:
@@ -287,7 +314,7 @@ def _decode(
     _put(decoding, (len(facts.stamps_s) - 1, last[1]))  # a file that promises one picture too many
 
 
-def _put(decoding: _Decoding, picture: tuple[int, Pixels | Exception]) -> bool:
+def _put(decoding: _Decoding[Made], picture: tuple[int, Made | Exception]) -> bool:
     """Hand a picture over, as soon as there is room; False where nobody waits any more."""
     while not decoding.is_over.is_set():
         try:

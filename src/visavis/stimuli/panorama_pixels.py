@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.errors import DesignError
-from visavis.stimuli.film_file import FilmReader, Pixels, facts_of
+from visavis.stimuli.film_file import PictureReader, Pixels, facts_of
 from visavis.stimuli.flat import Panorama, Stereo, picture_path
 from visavis.stimuli.flat_pixels import read_picture
 
@@ -41,26 +41,6 @@ class PanoramaPixels:
     course: object = None
 
 
-class PanoramaFilm:
-    """Own the pictures of a film all around, split for the eyes."""
-
-    def __init__(self, path: Path, size_px: tuple[int, int], stereo: Stereo) -> None:
-        self._reader, self._stereo = FilmReader(path, size_px, is_around=True), stereo
-        self._last: tuple[Pixels, PanoramaPixels] | None = None
-
-    def pixels_at(self, t_s: float) -> PanoramaPixels:
-        """Return the pixels of a time of the film, the same object for the same picture.
-
-        Raises:
-            DesignError: they cannot be decoded.
-        """
-        whole = self._reader.picture_at(t_s)
-        if self._last is None or self._last[0] is not whole:
-            crc32 = zlib.crc32(whole[::CHECKED_EVERY].tobytes())
-            self._last = whole, PanoramaPixels(_eyes(whole, self._stereo), crc32, self)
-        return self._last[1]
-
-
 def panorama_pixels(panorama: Panorama, folder: Path, t_s: float = 0.0) -> PanoramaPixels:
     """Return the pixels of a panorama, of a film those at a time of it; a picture is decoded once
     for all trials that show it in turn.
@@ -71,7 +51,7 @@ def panorama_pixels(panorama: Panorama, folder: Path, t_s: float = 0.0) -> Panor
     path = picture_path(panorama, folder)
     if panorama.is_film:
         eye_size_px(panorama, folder)
-        return _film(path, facts_of(panorama, folder).size_px, panorama.stereo).pixels_at(t_s)
+        return _film(path, facts_of(panorama, folder).size_px, panorama.stereo).picture_at(t_s)
     return _decoded(path, path.stat().st_mtime_ns if path.is_file() else 0, panorama.stereo)
 
 
@@ -89,9 +69,15 @@ def eye_size_px(panorama: Panorama, folder: Path) -> tuple[int, int]:
 
 
 @lru_cache(maxsize=4)
-def _film(path: Path, size_px: tuple[int, int], stereo: Stereo) -> PanoramaFilm:
+def _film(path: Path, size_px: tuple[int, int], stereo: Stereo) -> PictureReader[PanoramaPixels]:
     """Return one reader of a film: it stays open from one showing to the next."""
-    return PanoramaFilm(path, size_px, stereo)
+    course = object()
+
+    def split(pixels: Pixels) -> PanoramaPixels:
+        crc32 = zlib.crc32(pixels[::CHECKED_EVERY].tobytes())
+        return PanoramaPixels(_eyes(pixels, stereo), crc32, course)
+
+    return PictureReader(path, size_px, split, is_around=True)
 
 
 @lru_cache(maxsize=512)
