@@ -167,7 +167,7 @@ def _join_around(labels: Labels, count: int) -> tuple[Labels, int]:
         pairs.append(np.stack([at_pole[:-1], at_pole[1:]], axis=1))
     one, other = np.concatenate(pairs).T
     links = coo_array((np.ones(len(one)), (one, other)), shape=(count + 1, count + 1))
-    joined_count, number = csgraph.connected_components(links, directed=False)
+    count_around, number = csgraph.connected_components(links, directed=False)
     # 0, what is in none, touches nothing and stays the first
-    joined: Labels = number[labels]
-    return joined, joined_count - 1
+    labels_around: Labels = number[labels]
+    return labels_around, count_around - 1

@@ -45,6 +45,14 @@ class SphereGrid:
         """Return the same, as of a grid in a plane."""
         return self.centres()
 
+    def cells_of(
+        self, right_deg: Values, up_deg: Values
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Return row and column (n,) of the cells in which directions (n,) lie."""
+        column = np.floor((right_deg / 360.0 + 0.5) * self.columns).astype(np.int64)
+        row = np.floor((0.5 - up_deg / 180.0) * self.rows).astype(np.int64)
+        return row.clip(0, self.rows - 1), column % self.columns
+
     def area_deg2(self) -> Values:
         """Return the solid angle of every cell (rows, columns) in square degrees."""
         edges = np.sin(np.radians(90.0 - np.arange(self.rows + 1) / self.rows * 180.0))
@@ -56,10 +64,8 @@ def sphere_map(grid: SphereGrid, right_deg: Values, up_deg: Values, seconds: Val
     """Return seconds per square degree (rows, columns) of gaze at directions (n,), smoothed by a
     Gaussian of the great-circle distance; their integral over the sphere is the time of all gaze.
     """
-    column = np.floor((right_deg / 360.0 + 0.5) * grid.columns).astype(np.int64) % grid.columns
-    row = np.floor((0.5 - up_deg / 180.0) * grid.rows).astype(np.int64).clip(0, grid.rows - 1)
     counts = np.zeros(grid.shape)
-    np.add.at(counts, (row, column), seconds)
+    np.add.at(counts, grid.cells_of(right_deg, up_deg), seconds)
     # Between two rows the kernel depends on the difference of longitudes alone: a convolution.
     rows, kernels = _kernels(grid)
     waves = np.fft.rfft(counts, axis=1)
@@ -91,3 +97,49 @@ def _kernels(grid: SphereGrid) -> tuple[list[slice], list[npt.NDArray[np.complex
         slices.append(some)
         kernels.append(np.fft.rfft(kernel, axis=1))
     return slices, kernels
+
+
+def cc(grid: SphereGrid, density: Values, other: Values) -> float:
+    """Return Pearson's correlation of two maps (rows, columns), cells counting by their size: the
+    CC of salient360 (Gutiérrez et al. 2018, Signal Process Image Commun 69:35).
+
+    Raises:
+        ValueError: a map is the same everywhere.
+    """
+    one, two = _standardised(grid, density), _standardised(grid, other)
+    return float((_weights(grid) * one * two).sum())
+
+
+def kld(grid: SphereGrid, density: Values, other: Values) -> float:
+    """Return the Kullback-Leibler divergence of a map (rows, columns) from another, in nats: how
+    much is lost where `other` stands for `density`, cells counting by their size; their KLD.
+    """
+    tiny = np.finfo(np.float64).eps
+    weight = _weights(grid)
+    p, q = (one / (weight * one).sum() for one in (density, other))
+    return float((weight * p * np.log(tiny + p / (q + tiny))).sum())
+
+
+def nss(grid: SphereGrid, density: Values, right_deg: Values, up_deg: Values) -> float:
+    """Return the normalised scanpath saliency of fixations (n,) on a map (rows, columns): how many
+    standard deviations over its mean it is there, mean and deviation by solid angle; their NSS.
+
+    Raises:
+        ValueError: the map is the same everywhere.
+    """
+    return float(_standardised(grid, density)[grid.cells_of(right_deg, up_deg)].mean())
+
+
+def _weights(grid: SphereGrid) -> Values:
+    area: Values = grid.area_deg2()
+    return area / area.sum()
+
+
+def _standardised(grid: SphereGrid, density: Values) -> Values:
+    weight = _weights(grid)
+    off = density - (weight * density).sum()
+    sd = np.sqrt((weight * off**2).sum())
+    if not sd > 0:
+        raise ValueError("a map is the same everywhere; nothing is above or below its mean")
+    values: Values = off / sd
+    return values

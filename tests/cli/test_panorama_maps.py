@@ -47,7 +47,7 @@ def drawing() -> None:
         pytest.skip(str(problem))
 
 
-def simulated(folder: Path, monkeypatch: pytest.MonkeyPatch, file: str, display: str) -> Path:
+def simulate_study(folder: Path, monkeypatch: pytest.MonkeyPatch, file: str, display: str) -> Path:
     monkeypatch.chdir(folder)
     (folder / "seen.py").write_text(STUDY.replace("FILE", file), "utf-8")
     (folder / "areas.yaml").write_text(AREAS, "utf-8")
@@ -60,7 +60,7 @@ def simulated(folder: Path, monkeypatch: pytest.MonkeyPatch, file: str, display:
     return folder / "data" / "simulated" / "seen"
 
 
-def saved(path: Path) -> None:
+def save_panorama(path: Path) -> None:
     """Save a panorama that is darker on its left."""
     pixels = np.full((1024, 2048, 3), 200, np.uint8)
     pixels[:, :1024] = 40
@@ -81,27 +81,27 @@ def share_within(density: Any, right_deg: float, up_deg: float, within_deg: floa
 def test_gaze_lies_where_it_was_in_the_picture_whatever_was_ahead_at_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, display: str
 ) -> None:
-    saved(tmp_path / "a.png")
-    data = open_study(simulated(tmp_path, monkeypatch, "a.png", display))
-    (made,) = gaze_maps(data, "ahead", peek=None, on_trial=lambda done, total: None)
-    assert ("0", "120") == made.levels
-    assert (720, 1440, 3) == made.image.shape
-    assert [40, 200] == made.image[300, [100, 1300], 0].tolist()
+    save_panorama(tmp_path / "a.png")
+    data = open_study(simulate_study(tmp_path, monkeypatch, "a.png", display))
+    (maps,) = gaze_maps(data, "ahead", peek=None, on_trial=lambda done, total: None)
+    assert ("0", "120") == maps.levels
+    assert (720, 1440, 3) == maps.image.shape
+    assert [40, 200] == maps.image[300, [100, 1300], 0].tolist()
     recording = CachedRecording(data.sessions[0].path)
     for row in recording.trials().to_dict("records"):
-        (density,) = made.maps[str(row["ahead"])]
+        (density,) = maps.maps[str(row["ahead"])]
         gaze = recorded_trial(recording, row["trial_id"]).gaze
         t_ns = gaze["t_sample_ns"]
         lit = (t_ns >= row["stimulus_on_ns"]) & (t_ns < row["stimulus_off_ns"])
         usable_s = 4 * (gaze["valid"] & lit).sum() / lit.sum()
         assert usable_s == pytest.approx((density * GRID.area_deg2()).sum(), rel=0.02)
         assert share_within(density, 60, 10, 12) > (0.3 if not display else 0.1)
-    ((_, door), *lamps) = made.outlines
+    ((_, door), *lamps) = maps.outlines
     assert [60, 10] == pytest.approx(door.mean(axis=0).tolist())
     assert [("lamp", -180.0), ("lamp", 180.0)] == [
         (name, pytest.approx(corners[:, 0].mean())) for name, corners in lamps
     ]
-    table = table_of_maps(made, is_simulated=True)
+    table = table_of_maps(maps, is_simulated=True)
     assert 2 * GRID.rows * GRID.columns == len(table)
     assert (-179.5, 89.5) == tuple(table.loc[0, ["right_deg", "up_deg"]])
     assert (179.5, -89.5) == tuple(table.iloc[-1][["right_deg", "up_deg"]])
@@ -110,8 +110,8 @@ def test_gaze_lies_where_it_was_in_the_picture_whatever_was_ahead_at_first(
 def test_the_verb_draws_the_whole_picture_with_axes_in_degrees(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    saved(tmp_path / "a.png")
-    simulated(tmp_path, monkeypatch, "a.png", "--screen")
+    save_panorama(tmp_path / "a.png")
+    simulate_study(tmp_path, monkeypatch, "a.png", "--screen")
     command = "gaze-map data/simulated/seen --by ahead --during stimulus -o map"
     result: Any = CliRunner().invoke(app, command.split())
     assert 0 == result.exit_code, result.output
@@ -129,9 +129,9 @@ def test_a_film_all_around_is_drawn_as_it_was_some_time_after_its_onset(
     from tests.panoramic_film import RATE_HZ, number_ahead, write_film_around
 
     write_film_around(tmp_path / "lake.mp4", 4 * RATE_HZ)
-    data = open_study(simulated(tmp_path, monkeypatch, "lake.mp4", ""))
-    (made,) = gaze_maps(data, "ahead", peek=None, on_trial=lambda *of: None, during="stimulus")
-    assert RATE_HZ * 4 // 8 == number_ahead(made.image[360, 720])
+    data = open_study(simulate_study(tmp_path, monkeypatch, "lake.mp4", ""))
+    (maps,) = gaze_maps(data, "ahead", peek=None, on_trial=lambda *of: None, during="stimulus")
+    assert RATE_HZ * 4 // 8 == number_ahead(maps.image[360, 720])
 
 
 def test_reversed_gaze_moves_the_map_of_a_person() -> None:
@@ -150,8 +150,8 @@ def test_reversed_gaze_moves_the_map_of_a_person() -> None:
 def test_a_session_without_gaze_while_a_panorama_was_there_has_no_map(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    saved(tmp_path / "a.png")
-    folder = simulated(tmp_path, monkeypatch, "a.png", "")
+    save_panorama(tmp_path / "a.png")
+    folder = simulate_study(tmp_path, monkeypatch, "a.png", "")
     data = open_study(folder)
     data.analysis()
     names = CachedRecording(data.sessions[0].path).stream_names

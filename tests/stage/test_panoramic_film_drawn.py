@@ -57,10 +57,10 @@ def scene(folder, panorama, surface=IN_HEADSET):
     )
 
 
-def picture_at(shown, t_s, turned_deg=(0.0, 0.0)):
+def picture_at(film_scene, t_s, turned_deg=(0.0, 0.0)):
     nobody = np.zeros((0, 3)), np.zeros(0)
     t_ns = SINCE_NS + round(t_s * 1e9)
-    return picture_of(SceneFrame(shown, t_ns, *nobody, turned_deg=turned_deg))
+    return picture_of(SceneFrame(film_scene, t_ns, *nobody, turned_deg=turned_deg))
 
 
 def middle_of(image):
@@ -69,23 +69,23 @@ def middle_of(image):
 
 @pytest.mark.parametrize("head_deg", [0.0, 120.0], ids=["ahead", "behind"])
 def test_in_a_headset_every_direction_has_the_picture_that_is_due(folder, renderer, head_deg):
-    shown = scene(folder, Panorama("one.mp4"))
+    film_scene = scene(folder, Panorama("one.mp4"))
     camera = eye_camera(
         Pose(HEAD.position_m, quat_from_yaw_pitch_deg(head_deg)), default_views()[0]
     )
     number_of = number_behind if head_deg else number_ahead
     for number in WHILE_RUNNING:
-        image = renderer.image(picture_at(shown, (number + 0.5) / RATE_HZ), camera, (90, 100))
+        image = renderer.image(picture_at(film_scene, (number + 0.5) / RATE_HZ), camera, (90, 100))
         assert number == number_of(middle_of(image))
 
 
 @pytest.mark.parametrize("turned_deg", [0.0, 150.0], ids=["ahead", "behind"])
 def test_before_a_monitor_a_turned_view_shows_another_part(folder, renderer, turned_deg):
-    shown = scene(folder, Panorama("one.mp4"), Surface(PlacedScreen(SCREEN, HEAD)))
+    film_scene = scene(folder, Panorama("one.mp4"), Surface(PlacedScreen(SCREEN, HEAD)))
     camera = eye_camera(HEAD, SCREEN.view_from(np.zeros(3)))
     number_of = number_behind if turned_deg else number_ahead
     for number in WHILE_RUNNING:
-        picture = picture_at(shown, (number + 0.5) / RATE_HZ, (turned_deg, 0.0))
+        picture = picture_at(film_scene, (number + 0.5) / RATE_HZ, (turned_deg, 0.0))
         image = renderer.image(picture, camera, (64, 36))
         assert number == number_of(middle_of(image))
 
@@ -102,11 +102,11 @@ def test_after_its_end_its_last_picture_stays(folder, renderer):
 def test_in_a_headset_each_eye_sees_its_half_of_the_picture_that_is_due(
     folder, renderer, file, stereo
 ):
-    shown = scene(folder, Panorama(file, stereo))
+    film_scene = scene(folder, Panorama(file, stereo))
     cameras = [eye_camera(HEAD, view) for view in default_views()]
     targets = [EyeTarget(renderer.context, (64, 64), 0) for _ in cameras]
     for number in (0, 9, 4):
-        renderer.draw(picture_at(shown, (number + 0.5) / RATE_HZ), cameras, targets)
+        renderer.draw(picture_at(film_scene, (number + 0.5) / RATE_HZ), cameras, targets)
         left, right = (middle_of(target.read()).astype(int) for target in targets)
         assert [number, number] == [number_ahead(left), number_ahead(right)]
         assert abs(left[2] - left[0]) < 6
@@ -116,19 +116,19 @@ def test_in_a_headset_each_eye_sees_its_half_of_the_picture_that_is_due(
 
 
 def test_the_checksum_of_a_frame_tells_the_picture_of_the_film(folder):
-    shown = scene(folder, Panorama("one.mp4"))
+    film_scene = scene(folder, Panorama("one.mp4"))
     times_s = (3.2 / RATE_HZ, 3.8 / RATE_HZ, 4.2 / RATE_HZ)
-    same, again, other = (picture_crc32(picture_at(shown, t_s)) for t_s in times_s)
+    same, again, other = (picture_crc32(picture_at(film_scene, t_s)) for t_s in times_s)
     assert same == again
     assert same != other
 
 
 def test_pictures_of_one_film_take_one_place_on_the_card(folder, renderer):
-    shown = scene(folder, Panorama("below.mp4", "top-bottom"))
+    film_scene = scene(folder, Panorama("below.mp4", "top-bottom"))
     camera = eye_camera(HEAD, default_views()[0])
     numbers = set()
     for number in range(8):
-        picture = picture_at(shown, (number + 0.5) / RATE_HZ)
+        picture = picture_at(film_scene, (number + 0.5) / RATE_HZ)
         renderer.image(picture, camera, (9, 9))
         textures = [renderer._overlays.send(picture.surround, eye) for eye in (0, 1)]
         numbers |= {texture.glo for texture in textures}

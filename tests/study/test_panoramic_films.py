@@ -70,7 +70,7 @@ def film(tmp_path_factory):
     return write_film_around(tmp_path_factory.mktemp("films") / "lake.mp4", PICTURES, is_heard=True)
 
 
-def written(folder, film, line=SHOWN):
+def lake_study(folder, film, line=SHOWN):
     shutil.copy(film, folder)
     (folder / "left.yaml").write_text(LEFT)
     (folder / "right.yaml").write_text(RIGHT)
@@ -94,7 +94,7 @@ def request_of(folder, study, example, show="none"):
 @pytest.fixture(scope="module", params=[SCREEN_EXAMPLE, EXAMPLE], ids=["screen", "headset"])
 def session(request, tmp_path_factory, film):
     folder = tmp_path_factory.mktemp("lake")
-    study = written(folder, film)
+    study = lake_study(folder, film)
     recording = CachedRecording(perform_new(request_of(folder, study, request.param)))
     # The analysis needs the recording alone: what the files say now does not count.
     for name in ("left", "right"):
@@ -116,7 +116,7 @@ def test_it_lasts_as_long_as_it_does_in_step_and_heard(session):
 def test_frames_were_lit_with_the_picture_that_was_due_and_are_drawn_again(
     tmp_path, film, example, monkeypatch
 ):
-    study = written(tmp_path, film, 'yield t.show(Panorama("lake.mp4", areas="left.yaml"), 0.6)')
+    study = lake_study(tmp_path, film, 'yield t.show(Panorama("lake.mp4", areas="left.yaml"), 0.6)')
     recording = CachedRecording(perform_new(request_of(tmp_path, study, example, "offscreen")))
     monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
     frames = recording.stream_arrays("frames", part=1)
@@ -148,13 +148,13 @@ def test_simulated_people_look_where_areas_are_at_the_time(session):
 
 
 def test_power_lets_the_same_people_see_it(tmp_path, film):
-    study = written(tmp_path, film)
+    study = lake_study(tmp_path, film)
     rows = quick_study(study, study.experiment({}), tracker_of, [0], seed=1).trials
     assert (rows["boat_dwell_ms"] + rows["gull_dwell_ms"] > 300).all()
 
 
-class Killed(UnattendedOperator):
-    """Nobody; after so many frames the process is gone."""
+class CutOff(UnattendedOperator):
+    """Nobody; after so many frames the process ends."""
 
     def __init__(self, frames):
         self._left = frames
@@ -168,12 +168,12 @@ class Killed(UnattendedOperator):
 
 
 def test_a_session_that_was_cut_off_in_a_film_goes_on(tmp_path, film):
-    study = written(tmp_path, film)
-    made = request_of(tmp_path, study, EXAMPLE)
+    study = lake_study(tmp_path, film)
+    request = request_of(tmp_path, study, EXAMPLE)
     with pytest.raises(SessionAborted):
-        perform_new(replace(made, operator=Killed(60)))
+        perform_new(replace(request, operator=CutOff(60)))
     path = next((tmp_path / "data").glob("simulated/lake/sub-*/ses-001"))
-    recording = CachedRecording(perform_rest(replace(made, clock=SimClock()), path))
+    recording = CachedRecording(perform_rest(replace(request, clock=SimClock()), path))
     assert 2 == len(recording.manifest.parts)
     rows = recording.trials().query("status == 'complete'")
     assert {PICTURES} == set(rows["stimulus_film_pictures"])
@@ -182,7 +182,7 @@ def test_a_session_that_was_cut_off_in_a_film_goes_on(tmp_path, film):
 
 def test_a_film_is_heard_as_loud_as_asked_or_not_at_all(tmp_path, film):
     both = [
-        written(tmp_path, film, f'yield t.show(Panorama("lake.mp4", areas="left.yaml", {how}))')
+        lake_study(tmp_path, film, f'yield t.show(Panorama("lake.mp4", areas="left.yaml", {how}))')
         .experiment({})
         .audibles
         for how in ("level_db=-20", "is_heard=False")
@@ -213,7 +213,7 @@ def test_a_film_is_heard_as_loud_as_asked_or_not_at_all(tmp_path, film):
     ],
 )
 def test_what_cannot_be_shown_is_named_at_plan(tmp_path, film, line, says):
-    study = written(tmp_path, film, line)
+    study = lake_study(tmp_path, film, line)
     write_film(tmp_path / "flat.mp4", 3, (1280, 720))
     write_film(tmp_path / "small.mp4", 3, (1280, 640))
     (tmp_path / "text.mp4").write_text("no film")
@@ -226,11 +226,11 @@ def test_what_cannot_be_shown_is_named_at_plan(tmp_path, film, line, says):
 
 def test_a_page_refuses_it_by_name_with_the_way_out(tmp_path, film):
     with pytest.raises(DesignError, match=r"shows a Panorama, which no page shows; .* monitor"):
-        film_store(written(tmp_path, film).experiment({}))
+        film_store(lake_study(tmp_path, film).experiment({}))
 
 
 def test_a_locked_plan_holds_the_film_and_its_areas(tmp_path, film):
-    digests = digests_of_files(written(tmp_path, film).experiment({}))
+    digests = digests_of_files(lake_study(tmp_path, film).experiment({}))
     assert {"lake.mp4", "left.yaml", "right.yaml"} <= set(digests)
 
 

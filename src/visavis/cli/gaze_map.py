@@ -242,7 +242,7 @@ def _looks(
             continue
         for trial_id, level in zip(mine["trial_id"], mine[factor], strict=True):
             trial = recorded_trial(recording, str(trial_id))
-            mine_here = _shown_in(trial)
+            mine_here = _showings_of(trial)
             since_ns = _pictures_of(mine_here, during)
             around = next((one for one in since_ns if isinstance(one, Panorama)), None)
             if around is None:
@@ -269,7 +269,7 @@ def _looks(
     return looks, firsts
 
 
-def _shown_in(trial: RecordedTrial) -> list[Mapping[str, Any]]:
+def _showings_of(trial: RecordedTrial) -> list[Mapping[str, Any]]:
     """Return the events "shown" of a trial."""
     payloads = trial.recording.events_named("shown", trial.part)["payload"]
     return [p for p in payloads if p.get("trial_id") == str(trial.row["trial_id"])]
@@ -332,7 +332,9 @@ def _panoramas_shown(
     trial: RecordedTrial, during: str
 ) -> Iterator[tuple[SurroundingAreas, tuple[int, int]]]:
     """Yield where each panorama of a trial stood with its areas, and from when to when (ns)."""
-    for name in dict.fromkeys(str(p["name"]) for p in _shown_in(trial) if "option_panorama" in p):
+    for name in dict.fromkeys(
+        str(p["name"]) for p in _showings_of(trial) if "option_panorama" in p
+    ):
         span_ns = trial.span_of(name)
         if span_ns is None or during not in ("", name):
             continue
@@ -379,9 +381,9 @@ def _all_around(
     for area in (area for area in around.areas_now(t_ns) if area is not None):
         corners = area.corners() / px_per_deg * np.array([1, -1]) + np.array([-180, 90])
         for shift_deg in (-360, 0, 360):  # it may reach across the picture's edge
-            placed = corners + np.array([shift_deg, 0.0])
-            if len(corners) and placed[:, 0].max() > -180 and placed[:, 0].min() < 180:
-                outlines.append((area.name, placed))
+            corners_here = corners + np.array([shift_deg, 0.0])
+            if len(corners) and corners_here[:, 0].max() > -180 and corners_here[:, 0].min() < 180:
+                outlines.append((area.name, corners_here))
     return np.array(whole), tuple(outlines)
 
 

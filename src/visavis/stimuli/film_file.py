@@ -17,8 +17,8 @@ from visavis.lab.geometry import Vector
 from visavis.stimuli.flat import Panorama, Video, picture_path
 
 Pixels = npt.NDArray[np.uint8]
-Made = TypeVar("Made")
-"""What is made of the pixels of a picture."""
+Content = TypeVar("Content")
+"""What a reader makes of the pixels of a picture."""
 MAX_FILE_BYTES: Final = 500_000_000
 MAX_SIZE_PX: Final = 4096
 MAX_AROUND_PX: Final = 2 * MAX_SIZE_PX
@@ -209,15 +209,15 @@ def _av(path: Path) -> Any:
 
 
 @dataclass
-class _Decoding(Generic[Made]):
+class _Decoding(Generic[Content]):
     """What a thread that decodes shares with its reader; it holds no reader, so that both end."""
 
-    pictures: "queue.Queue[tuple[int, Made | Exception]]"
+    pictures: "queue.Queue[tuple[int, Content | Exception]]"
     wanted_index: int
     is_over: threading.Event
 
 
-class PictureReader(Generic[Made]):
+class PictureReader(Generic[Content]):
     """Own the decoding of one film into pictures of one size, and what `make` makes of them, ahead
     of their time in a thread.
     """
@@ -226,7 +226,7 @@ class PictureReader(Generic[Made]):
         self,
         path: Path,
         size_px: tuple[int, int],
-        make: Callable[[Pixels], Made],
+        make: Callable[[Pixels], Content],
         *,
         is_around: bool = False,
     ) -> None:
@@ -234,11 +234,11 @@ class PictureReader(Generic[Made]):
         self._path, self._size_px, self._make = path, size_px, make
         ahead = AHEAD_BYTES // (4 * size_px[0] * size_px[1])
         self._ahead = int(np.clip(ahead, MIN_AHEAD, MAX_AHEAD))
-        self._decoding: _Decoding[Made] | None = None
-        self._shown_picture: tuple[int, Made] | None = None
-        self._first: Made | None = None
+        self._decoding: _Decoding[Content] | None = None
+        self._shown_picture: tuple[int, Content] | None = None
+        self._first: Content | None = None
 
-    def picture_at(self, t_s: float) -> Made:
+    def picture_at(self, t_s: float) -> Content:
         """Return what is made of the picture of a time, the same object for the same picture; wait
         for it where it is not decoded yet.
 
@@ -272,7 +272,7 @@ class PictureReader(Generic[Made]):
     def _begin(self, first: int) -> None:
         if self._decoding is not None:
             self._decoding.is_over.set()
-        decoding: _Decoding[Made] = _Decoding(queue.Queue(self._ahead), first, threading.Event())
+        decoding: _Decoding[Content] = _Decoding(queue.Queue(self._ahead), first, threading.Event())
         self._decoding = decoding
         self._shown_picture = None if first or self._first is None else (0, self._first)
         weakref.finalize(self, decoding.is_over.set)
@@ -294,13 +294,13 @@ def _as_it_is(pixels: Pixels) -> Pixels:
 def _decode(
     path: Path,
     size_px: tuple[int, int],
-    make: Callable[[Pixels], Made],
+    make: Callable[[Pixels], Content],
     facts: FilmFacts,
     first: int,
-    decoding: _Decoding[Made],
+    decoding: _Decoding[Content],
 ) -> None:
     """Decode pictures from one on, until the film or its reader is over."""
-    last: tuple[int, Made | Exception] = (first, DesignError("it has no such picture"))
+    last: tuple[int, Content | Exception] = (first, DesignError("it has no such picture"))
     try:
         for index, frame in _frames_from(path, facts, first):
             if index < decoding.wanted_index and index != len(facts.stamps_s) - 1:
@@ -314,7 +314,7 @@ def _decode(
     _put(decoding, (len(facts.stamps_s) - 1, last[1]))  # a file that promises one picture too many
 
 
-def _put(decoding: _Decoding[Made], picture: tuple[int, Made | Exception]) -> bool:
+def _put(decoding: _Decoding[Content], picture: tuple[int, Content | Exception]) -> bool:
     """Hand a picture over, as soon as there is room; False where nobody waits any more."""
     while not decoding.is_over.is_set():
         try:

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from visavis.analysis.gaze.maps import MIN_PEOPLE, _clusters, clusters_of_difference
-from visavis.analysis.gaze.sphere_maps import SPHERE_SMOOTHING_DEG, SphereGrid, sphere_map
+from visavis.analysis.gaze.sphere_maps import (
+    SPHERE_SMOOTHING_DEG,
+    SphereGrid,
+    cc,
+    kld,
+    nss,
+    sphere_map,
+)
 from visavis.lab.geometry import direction_from_yaw_pitch_deg
 
 GRID = SphereGrid()
@@ -86,3 +93,41 @@ def test_cells_count_by_their_solid_angle_and_touch_at_a_pole() -> None:
     assert 5 * GRID.area_deg2()[89, 0] == pytest.approx(at_equator[1])
     assert 15 * GRID.area_deg2()[0, 0] == pytest.approx(at_pole[1])
     assert 4 == len(_clusters(t, 2.0, None))  # in a plane they do not touch
+
+
+def pair_at(up_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return two maps of gaze that stayed at two places, three degrees above each other."""
+    return map_of(20.5, up_deg - 1.5) + 1e-5, map_of(20.5, up_deg + 1.5) + 1e-5
+
+
+@pytest.mark.parametrize("up_deg", [30.0, -60.0, 80.0])
+def test_two_maps_are_as_alike_wherever_on_the_sphere_they_are(up_deg: float) -> None:
+    at_horizon, elsewhere = pair_at(0.0), pair_at(up_deg)
+    assert 0.5 < cc(GRID, *at_horizon) < 0.7  # exp(-(3 / 2)**2 / 4), and the mean of all is near 0
+    assert cc(GRID, *at_horizon) == pytest.approx(cc(GRID, *elsewhere), abs=0.01)
+    assert kld(GRID, *at_horizon) == pytest.approx(kld(GRID, *elsewhere), rel=0.03)
+
+
+def test_a_map_is_like_itself_and_a_wide_one_loses_what_is_known_of_gaussians() -> None:
+    density, other = pair_at(10.0)
+    assert 1 == pytest.approx(cc(GRID, density, density))
+    assert 0 == pytest.approx(kld(GRID, density, density), abs=1e-9)
+    assert cc(GRID, density, other) == pytest.approx(cc(GRID, 3 * density, other))
+    narrow = map_of(0.5, 0.5)
+    even = np.ones(GRID.shape)
+    sd_deg, sphere_deg2 = SPHERE_SMOOTHING_DEG, GRID.area_deg2().sum()
+    entropy = np.log(2 * np.pi * np.e * sd_deg**2)  # of a Gaussian in two dimensions
+    assert np.log(sphere_deg2) - entropy == pytest.approx(kld(GRID, narrow, even), rel=0.01)
+
+
+def test_fixations_are_so_many_deviations_over_the_mean_of_a_map() -> None:
+    density = map_of(40.5, 50.5)
+    random = np.random.default_rng(2)
+    right_deg = random.uniform(-180, 180, 200_000)
+    up_deg = np.degrees(np.arcsin(random.uniform(-1, 1, 200_000)))  # evenly over the sphere
+    assert 0 == pytest.approx(nss(GRID, density, right_deg, up_deg), abs=0.03)
+    sd = np.sqrt(GRID.area_deg2().sum() / (4 * np.pi * SPHERE_SMOOTHING_DEG**2))  # at its peak
+    peak = nss(GRID, density, np.array([40.5]), np.array([50.5]))
+    assert 2 * sd == pytest.approx(peak, rel=0.02)
+    with pytest.raises(ValueError, match="the same everywhere"):
+        cc(GRID, density, np.ones(GRID.shape))
