@@ -137,9 +137,10 @@ def _weights(grid: SphereGrid) -> Values:
 
 def _standardised(grid: SphereGrid, density: Values) -> Values:
     weight = _weights(grid)
-    off = density - (weight * density).sum()
+    mean = (weight * density).sum()
+    off = density - mean
     sd = np.sqrt((weight * off**2).sum())
-    if not sd > 0:
+    if not sd > 1e-9 * abs(mean):
         raise ValueError("a map is the same everywhere; nothing is above or below its mean")
     values: Values = off / sd
     return values

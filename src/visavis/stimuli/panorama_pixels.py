@@ -19,7 +19,7 @@ MIN_WIDE_PX: Final = 2048
 MAX_WIDE_PX: Final = 8192
 """With more some graphics cards fail, and no headset shows them."""
 FILM_WIDE_PX: Final = (1920, 4096)
-"""How wide an eye's picture in a film is, at least and at most: few cards decode more in time."""
+"""How wide an eye's picture in a film is, from least to most: few computers decode more in time."""
 CHECKED_EVERY: Final = 16
 """Of so many rows of a film's picture one goes into the checksum, which each picture needs."""
 HALVES: Final[dict[Stereo, tuple[int, int]]] = {
