@@ -131,8 +131,9 @@ def nss(grid: SphereGrid, density: Values, right_deg: Values, up_deg: Values) ->
 
 
 def _weights(grid: SphereGrid) -> Values:
-    area: Values = grid.area_deg2()
-    return area / area.sum()
+    area = grid.area_deg2()
+    weights: Values = area / area.sum()
+    return weights
 
 
 def _standardised(grid: SphereGrid, density: Values) -> Values:
