@@ -102,15 +102,6 @@ function turnOf(yaw, pitch) {
   const cy = Math.cos(yaw / 2), sy = Math.sin(yaw / 2), cp = Math.cos(pitch / 2), sp = Math.sin(pitch / 2);
   return [cy * cp, cy * sp, sy * cp, -sy * sp];
 }
-function times(a, b) { // column-major 4 × 4
-  const out = new Float32Array(16);
-  for (let c = 0; c < 4; c++) for (let r = 0; r < 4; r++) {
-    let sum = 0;
-    for (let k = 0; k < 4; k++) sum += a[k * 4 + r] * b[c * 4 + k];
-    out[c * 4 + r] = sum;
-  }
-  return out;
-}
 function modelMatrix(at, q, scale = [1, 1, 1]) {
   const x = rotate(q, [scale[0], 0, 0]), y = rotate(q, [0, scale[1], 0]), z = rotate(q, [0, 0, scale[2]]);
   return new Float32Array([...x, 0, ...y, 0, ...z, 0, ...at, 1]);

@@ -110,18 +110,14 @@ class Drawing extends Painter {
   roomInView(k, projection, height) {
     const gl = this.gl, mesh = this.content.header.rooms[k], c = this.content;
     const part = mesh.part ||= this.pieces(mesh);
-    const planes = [];
-    for (const [row, sign] of [[0, 1], [0, -1], [1, 1], [1, -1], [2, 1]]) {
-      const plane = [0, 4, 8, 12].map(j => projection[3 + j] + sign * projection[row + j]), length = Math.hypot(plane[0], plane[1], plane[2]);
-      planes.push(plane.map(v => v / length));
-    }
+    const planes = planesOf(projection);
     // Pixels that a metre takes a metre away.
     const scale = 0.5 * height * Math.hypot(projection[1], projection[5], projection[9]), ball = part.balls;
     let key = '';
     for (let i = 0, b = 0; i < part.count; i++, b += 4) {
       const x = ball[b], y = ball[b + 1], z = ball[b + 2], r = ball[b + 3];
       const depth = projection[3] * x + projection[7] * y + projection[11] * z + projection[15];
-      part.shown[i] = planes.every(p => p[0] * x + p[1] * y + p[2] * z + p[3] > -r) && 2 * r * scale > SPECK_PX * (depth - r) ? 1 : 0;
+      part.shown[i] = isInFront(planes, x, y, z, r) && 2 * r * scale > SPECK_PX * (depth - r) ? 1 : 0;
       key += part.shown[i];
     }
     gl.bindVertexArray(part.vao);
@@ -308,6 +304,15 @@ class Drawing extends Painter {
     gl.disable(gl.BLEND);
   }
 }
+
+// What a projection shows lies in front of all of these planes (unit normal, distance), farther than it draws or not.
+function planesOf(projection) {
+  return [[0, 1], [0, -1], [1, 1], [1, -1], [2, 1]].map(([row, sign]) => {
+    const plane = [0, 4, 8, 12].map(j => projection[3 + j] + sign * projection[row + j]), length = Math.hypot(plane[0], plane[1], plane[2]);
+    return plane.map(v => v / length);
+  });
+}
+const isInFront = (planes, x, y, z, radius) => planes.every(p => p[0] * x + p[1] * y + p[2] * z + p[3] > -radius);
 
 function ball(rings, sides) {
   const place = [], index = [];

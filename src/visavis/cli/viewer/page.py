@@ -12,6 +12,7 @@ from visavis.recording.durable import make_folder
 from visavis.running import page as pages_of_people
 
 _HERE = Path(__file__).parent
+_SITE = Path(pages_of_people.__path__[0]) / "site"
 
 
 def page_of(header: dict[str, Any], bundle: Bundle) -> str:
@@ -57,8 +58,8 @@ def _script(file: Path) -> str:
 
 CODE = (
     _HERE / "data.js",
-    Path(pages_of_people.__path__[0]) / "site" / "painting.js",
+    *(_SITE / name for name in ("painting.js", "headset_space.js")),
     *(_HERE / f"{name}.js" for name in "drawing quick flat scene looks coding pages".split()),
-    *(_HERE / f"{name}.js" for name in ("timeline", "saving", "viewer")),
+    *(_HERE / f"{name}.js" for name in ("timeline", "saving", "headset", "viewer")),
 )
 """Files of the page's code, in the order in which they stand in it."""

@@ -12,6 +12,7 @@ const MANY = 24; // of more people only those near enough are labelled
 const CLICK_PX = 4, NEAR_PX = 12;
 const CAMERAS = ['free', 'eyes', 'follow', 'above', 'topology'];
 const CEILING_M = 2.7;
+const PERSON_M = 1.25; // around somebody's hips, with everything of them in it
 const SHARES = [1, 0.75, 0.5], ON_TIME_MS = 20, LATE_MS = 30;
 const AWAY_S = 2; // a pause of the browser this long was no slow picture: the page was not seen
 const TELL_MS = 100; // between two times that words beside the picture change while it moves, where the processor draws
@@ -43,6 +44,7 @@ class Viewer {
     this.page();
     this.coding = new Coding(this);
     this.saving = new Saving(this);
+    this.headset = new Headset(this);
     this.listen();
     this.startView();
     if (this.session.isFlat) this.setCamera('eyes'); // what they saw is what one looks for
@@ -165,7 +167,7 @@ class Viewer {
     const x = rotate(back, [1, 0, 0]), y = rotate(back, [0, 1, 0]), z = rotate(back, [0, 0, 1]);
     const world = new Float32Array([...x, 0, ...y, 0, ...z, 0, ...origin, 1]);
     const flat = new Float32Array([1 / (top * aspect), 0, 0, 0, 0, 1 / top, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0]);
-    return {projection: times(flat, world), world, at, turn, top, aspect, near};
+    return {projection: product(flat, world), world, at, turn, top, aspect, near};
   }
 
   project(view, p, width, height) {
@@ -176,27 +178,28 @@ class Viewer {
   }
 
   inView(scene, view) {
-    const out = [], m = view.world, wide = view.top * view.aspect, cast = scene.data.cast;
-    const sx = Math.hypot(1, wide), sy = Math.hypot(1, view.top);
-    for (let i = 0; i < cast.length; i++) {
-      const [x, y, z] = scene.place.subarray(3 * i, 3 * i + 3), r = 1.25;
-      const cx = m[0] * x + m[4] * y + m[8] * z + m[12], cy = m[1] * x + m[5] * y + m[9] * z + m[13];
-      const depth = -(m[2] * x + m[6] * y + m[10] * z + m[14]);
-      if (depth < -r || Math.abs(cx) > depth * wide + r * sx || Math.abs(cy) > depth * view.top + r * sy) continue;
-      out.push(i);
-    }
-    return out;
+    const planes = planesOf(view.projection), {place} = scene;
+    return scene.data.cast.map((_, i) => i).filter(i => isInFront(planes, place[3 * i], place[3 * i + 1], place[3 * i + 2], PERSON_M));
   }
 
   // ---- one picture ----
 
   tick(now) {
-    // Time goes on however long a picture took, so that 1× is 1×; not while nobody saw the page.
-    const sinceS = (now - (this.last || now)) / 1000, elapsedS = sinceS > AWAY_S ? 0 : sinceS;
-    this.last = now;
+    if (this.headset.isWorn) return; // its own pictures move time
+    const elapsedS = this.advance(now);
     // How late pictures come is the time until the browser asks again after one, whatever moves time.
     if (this.timed && elapsedS > 0) this.pace += 0.2 * (1000 * elapsedS - this.pace);
     this.timed = false;
+    if (this.pressedKeys.size) this.fly(elapsedS);
+    if (this.quick && now - this.moveMs >= REST_MS) this.dirty = true;
+    if (this.dirty || this.resized()) { this.dirty = false; this.draw(); }
+    if (this.line.dirty) { this.line.dirty = false; this.line.draw(); }
+  }
+
+  // Time goes on however long a picture took, so that 1× is 1×; not while nobody saw one. Returns the seconds since the last.
+  advance(now) {
+    const sinceS = (now - (this.last || now)) / 1000, elapsedS = sinceS > AWAY_S ? 0 : sinceS;
+    this.last = now;
     if (this.playing) {
       this.t = Math.min(this.line.end, this.t + elapsedS * this.speed);
       if (this.t >= this.line.end) this.play(false);
@@ -204,10 +207,7 @@ class Viewer {
       this.dirty = true;
       this.moveMs = performance.now();
     }
-    if (this.pressedKeys.size) this.fly(elapsedS);
-    if (this.quick && now - this.moveMs >= REST_MS) this.dirty = true;
-    if (this.dirty || this.resized()) { this.dirty = false; this.draw(); }
-    if (this.line.dirty) { this.line.dirty = false; this.line.draw(); }
+    return elapsedS;
   }
 
   resized() {
@@ -223,38 +223,57 @@ class Viewer {
     const quick = this.quick = this.drawing.slow && startMs - this.moveMs < REST_MS;
     const stage = $('stage'), ratio = this.scale * Math.min(2, window.devicePixelRatio || 1);
     const width = Math.max(2, Math.round(stage.clientWidth * ratio)), height = Math.max(2, Math.round(stage.clientHeight * ratio));
-    const scene = this.sceneAt(this.t), t = this.t;
-    if (scene) scene.pose(t);
-    else this.session.load(this.trialAt(t), problem => { this.problem = problem; this.line.take(this.seen); this.dirty = true; });
-    const view = this.view(scene, width, height);
-    const light = scene ? this.show.light ? 1 : scene.brightness(t) : 1;
-    const room = scene ? this.content.header.rooms[scene.data.room] : null;
-    const d = this.drawing, flat = scene?.flat;
-    const share = quick ? this.share() : 1;
+    const scene = this.posed(), t = this.t;
+    const view = this.view(scene, width, height), light = this.lightOf(scene);
+    const share = quick ? this.share() : 1, wide = Math.round(width * share), high = Math.round(height * share);
     this.timed = quick;
-    d.begin(Math.round(width * share), Math.round(height * share), room && (room.lamps.length || flat && !flat.monitor) ? room.background : [34, 36, 40], scene && !room.lamps.length ? 1 : light);
-    if (flat && this.show.room && !flat.monitor) flat.drawAround(d, view, scene.row(t));
-    if (scene) {
-      const drawRoom = () => { if (this.show.room && room.lamps.length) d.drawRoom(scene.data.room, view.projection, light, quick ? share * height : 0); };
-      // A camera that stands still sees the same room again.
-      const isThere = quick && d.drawCached([scene.data.room, this.show.room, light, ...view.projection].join(), Math.round(width * share), Math.round(height * share), drawRoom);
-      if (this.show.people && scene.data.cast.length) {
-        const visible = this.inView(scene, view).filter(i => i !== scene.data.participant || this.show.body && this.camera !== 'eyes');
-        if (quick) (scene.quick ||= new QuickPeople(d, scene.data.cast)).draw(visible, scene, view, share * height, room, light);
-        else d.drawPeople(scene.data.cast, visible, scene.bones, scene.data.joints, scene.shapes, view.projection, room, light);
-      }
-      if (!isThere) drawRoom();
-      d.drawThings(scene.data.moving.map(m => ({mesh: m.mesh, model: modelMatrix(m.at, m.turn), glow: m.glow})), view.projection, room, light);
-    }
-    d.drawThings(this.bodyThings(scene), view.projection, null, 1);
-    if (this.session.monitor && this.show.room) d.drawThings([caseOf(this.session.monitor)], view.projection, null, 1);
-    if (flat && this.show.room) flat.draw(d, view, scene.row(t));
+    this.drawing.begin(wide, high, ...this.background(scene, light));
+    this.drawWorld(scene, view, light, this.camera !== 'eyes', quick ? [wide, high] : null);
     const step = this.pages.at(t);
     if (step) this.drawPage(step, width, height);
     else this.drawOver(scene, view, width, height, light);
     if (!quick || startMs - this.panelMs >= TELL_MS) { this.panelMs = startMs; this.tell(scene, light, step); }
     this.frames++;
     this.spent += performance.now() - startMs;
+  }
+
+  // What was there at this moment; null where nothing was, or it is still being loaded.
+  posed() {
+    const scene = this.sceneAt(this.t);
+    if (scene) scene.pose(this.t);
+    else this.session.load(this.trialAt(this.t), problem => { this.problem = problem; this.line.take(this.seen); this.dirty = true; });
+    return scene;
+  }
+
+  lightOf(scene) { return scene && !this.show.light ? scene.brightness(this.t) : 1; }
+  roomOf(scene) { return scene ? this.content.header.rooms[scene.data.room] : null; }
+
+  // What is seen where nothing is: its colour, and how bright it is.
+  background(scene, light) {
+    const room = this.roomOf(scene), flat = scene?.flat;
+    return [room && (room.lamps.length || flat && !flat.monitor) ? room.background : [34, 36, 40], scene && !room.lamps.length ? 1 : light];
+  }
+
+  // What was there, from a view; the participant, too, for who looks from outside of them. `quick` is the size of the
+  // picture where the processor draws it while time moves.
+  drawWorld(scene, view, light, isOutside, quick = null) {
+    const d = this.drawing, t = this.t, room = this.roomOf(scene), flat = scene?.flat;
+    if (flat && this.show.room && !flat.monitor) flat.drawAround(d, view, scene.row(t));
+    if (scene) {
+      const drawRoom = () => { if (this.show.room && room.lamps.length) d.drawRoom(scene.data.room, view.projection, light, quick ? quick[1] : 0); };
+      // A camera that stands still sees the same room again.
+      const isThere = quick && d.drawCached([scene.data.room, this.show.room, light, ...view.projection].join(), ...quick, drawRoom);
+      if (this.show.people && scene.data.cast.length) {
+        const visible = this.inView(scene, view).filter(i => i !== scene.data.participant || this.show.body && isOutside);
+        if (quick) (scene.quick ||= new QuickPeople(d, scene.data.cast)).draw(visible, scene, view, quick[1], room, light);
+        else d.drawPeople(scene.data.cast, visible, scene.bones, scene.data.joints, scene.shapes, view.projection, room, light);
+      }
+      if (!isThere) drawRoom();
+      d.drawThings(scene.data.moving.map(m => ({mesh: m.mesh, model: modelMatrix(m.at, m.turn), glow: m.glow})), view.projection, room, light);
+    }
+    d.drawThings(this.bodyThings(scene, isOutside), view.projection, null, 1);
+    if (this.session.monitor && this.show.room) d.drawThings([caseOf(this.session.monitor)], view.projection, null, 1);
+    if (flat && this.show.room) flat.draw(d, view, scene.row(t));
   }
 
   // Which share of the pixels' rows and columns a processor draws while time moves: fewer where it is late.
@@ -278,7 +297,7 @@ class Viewer {
   }
 
   // The participant's headset, and their joints: all where asked for or where nobody stands in for them, else those that feel something.
-  bodyThings(scene) {
+  bodyThings(scene, isOutside) {
     const isDressed = !!scene && scene.data.participant >= 0, bare = this.show.bones || this.show.body && !isDressed;
     const out = [], t = this.t, head = this.streams.headAt(t);
     const body = this.streams.has('body') ? this.streams.at('body', 'position_m', t, 0.3) : null;
@@ -289,10 +308,9 @@ class Viewer {
       for (const [role, how] of felt) if (role.includes(name)) return how === 'buzz' ? [0.25, 0.75, 1] : [1, 0.35, 0.3];
       return [0.78, 0.8, 0.84];
     };
-    const outside = this.camera !== 'eyes';
     if (!this.show.body && !this.show.bones) return out;
     const at = body && this.segments.length * 3 === body.length
-      ? Object.fromEntries(this.segments.map((name, k) => [name, body.slice(3 * k, 3 * k + 3)])) : outside ? this.atRest(head) : null;
+      ? Object.fromEntries(this.segments.map((name, k) => [name, body.slice(3 * k, 3 * k + 3)])) : isOutside ? this.atRest(head) : null;
     if (at) {
       const isFelt = name => [...felt.keys()].some(role => role.includes(name));
       const good = p => p && !p.some(Number.isNaN);
@@ -314,7 +332,7 @@ class Viewer {
       for (const [name, p] of Object.entries(at)) if (good(p) && name !== 'head' && (bare || isFelt(name)))
         out.push({solid: 'ball', model: modelMatrix(p, [1, 0, 0, 0], Array(3).fill(/hand/.test(name) ? 0.05 : 0.045)), paint: colour(name)});
     }
-    if (head && outside) {
+    if (head && isOutside) {
       const middle = add(head.at, rotate(head.turn, [0, 0.02, 0.09]));
       if (!isDressed || !this.show.body) out.push({solid: 'ball', model: modelMatrix(middle, head.turn, [0.078, 0.115, 0.095]), paint: [0.8, 0.72, 0.62]});
       if (!this.session.monitor) out.push({solid: 'box', model: modelMatrix(add(head.at, rotate(head.turn, [0, 0, -0.02])), head.turn, [0.17, 0.09, 0.07]), paint: [0.12, 0.13, 0.15]});

@@ -55,6 +55,7 @@ DRAWN_FILM_FILES: Final = {"/drawn_film.js": "drawn_film.js"}
 HEADSET_FILES: Final = {
     "/headset.js": "headset.js",
     "/headset_board.js": "headset_board.js",
+    "/headset_space.js": "headset_space.js",
     "/streams.js": "streams.js",
 }
 """What pages that enter a headset load besides."""

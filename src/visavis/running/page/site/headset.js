@@ -4,10 +4,12 @@
 
 import { Stage, addFloor } from "./live.js";
 import { HEIGHT_M, WIDTH_M, newBoard } from "./headset_board.js";
+import { drawIn, eyesOf, openHeadset, rotated, standAt } from "./headset_space.js";
 import { newStreams } from "./streams.js";
 import { rendererOf } from "./painting.js";
 
-const [NEAR_M, FAR_M] = [0.05, 60];
+export { whyNot } from "./headset_space.js";
+
 const BOARD = { ahead_m: 1.15, below_m: 0.12, figure_ahead_m: 0.85, figure_below_m: 0.78, tilt: 0.7 };
 const RAY_M = 4;
 const RAY_WIDE_M = 0.004;
@@ -27,45 +29,9 @@ const AXES = [["stick_x", 2], ["stick_y", 3]];
 const PLAIN = { background_srgb: [168, 164, 158], sky: [0.8, 0.8, 0.82], ground: [0.5, 0.48, 0.46], lamps: [] };
 const NOT_THERE = [NaN, NaN, NaN, NaN, NaN, NaN, NaN, 0];
 
-/** Tell whether this browser can enter a headset, and why not. */
-export async function whyNot() {
-  if (!window.isSecureContext) return "the address is not secure";
-  if (!navigator.xr) return "this browser has no WebXR";
-  try {
-    return await navigator.xr.isSessionSupported("immersive-vr") ? "" : "no headset is connected";
-  } catch (error) {
-    return String(error.message || error);
-  }
-}
-
-const rotated = ({ x, y, z, w }, [a, b, c]) => {
-  const t = [2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)];
-  return [a + w * t[0] + y * t[2] - z * t[1], b + w * t[1] + z * t[0] - x * t[2], c + w * t[2] + x * t[1] - y * t[0]];
-};
-
 const numbersOf = ({ position: p, orientation: q }) => [p.x, p.y, p.z, q.w, q.x, q.y, q.z];
 const poseRow = (pose) => (pose && numbersOf(pose.transform).every(Number.isFinite) ? [...numbersOf(pose.transform), pose.emulatedPosition ? 0 : 1] : NOT_THERE);
 const sideOf = (source) => (source.handedness === "left" ? 0 : 1);
-
-/** Return the product of two matrices in columns. */
-function product(a, b) {
-  const out = new Float32Array(16);
-  for (let c = 0; c < 4; c += 1) for (let r = 0; r < 4; r += 1) for (let k = 0; k < 4; k += 1) out[4 * c + r] += a[4 * k + r] * b[4 * c + k];
-  return out;
-}
-
-/**
- * Return how a step's world lies to the headset's floor: who looks from `eye` to `aim` on a page stands
- * there, straight ahead being towards it. `enter` leads from the world to the floor, `toWorld` back.
- */
-export function standAt(eye, aim) {
-  const [dx, dz] = [aim[0] - eye[0], aim[2] - eye[2]];
-  const far = Math.hypot(dx, dz);
-  const [fx, fz] = far > 1e-6 ? [dx / far, dz / far] : [0, -1];
-  const toWorld = ([x, y, z]) => [eye[0] - fz * x - fx * z, y, eye[2] + fx * x - fz * z];
-  const enter = new Float32Array([-fz, 0, -fx, 0, 0, 1, 0, 0, fx, 0, -fz, 0, fz * eye[0] - fx * eye[2], 0, fx * eye[0] + fz * eye[2], 1]);
-  return { enter, toWorld };
-}
 
 /** Return where a ray meets a board: two numbers from 0 to 1 and how far away; null where it does not. */
 export function meet(board, from, way) {
@@ -89,16 +55,9 @@ export function meet(board, from, way) {
  */
 export async function enter(step, page) {
   const wantsHands = (step.needs || []).includes("hands");
-  const session = await navigator.xr.requestSession("immersive-vr", { requiredFeatures: ["local-floor"], optionalFeatures: wantsHands ? ["hand-tracking"] : [] });
-  let space;
-  const hall = new Stage(document.createElement("canvas"), PLAIN);
-  try {
-    await hall.gl.makeXRCompatible();
-    space = await session.requestReferenceSpace("local-floor");
-  } catch (error) {
-    await session.end();
-    throw error;
-  }
+  let hall = null;
+  const contextOf = () => { hall = new Stage(document.createElement("canvas"), PLAIN); return hall.gl; };
+  const { session, space } = await openHeadset(contextOf, wantsHands ? ["hand-tracking"] : []);
   addFloor(hall);
   return present(session, space, hall, page);
 }
@@ -127,10 +86,7 @@ function present(session, space, hall, page) {
     page.send("xr", { what, detail: String(detail).slice(0, 200) });
     page.happened(what);
   };
-  const base = (painter) => {
-    layer = new XRWebGLLayer(session, painter.gl);
-    session.updateRenderState({ baseLayer: layer, depthNear: NEAR_M, depthFar: FAR_M });
-  };
+  const base = (painter) => { layer = drawIn(session, painter.gl); };
   const pulse = (source, [strength, ms]) => { source.gamepad?.hapticActuators?.[0]?.pulse?.(strength, ms)?.catch?.(() => {}); };
 
   // ---- the board and what points at it ----
@@ -303,12 +259,7 @@ function present(session, space, hall, page) {
       const { painter, draw, stand } = stage || { painter: hall, draw: null, stand: standAt([0, 0, 0], [0, 0, -1]) };
       const { position: p } = viewer.transform;
       const target = { framebuffer: layer.framebuffer, width: layer.framebufferWidth, height: layer.framebufferHeight, cards: cardsOf(painter, [p.x, p.y, p.z], stand.toWorld) };
-      const views = viewer.views.map((view) => {
-        const { x, y, width, height } = layer.getViewport(view);
-        const at = view.transform.position;
-        return { viewport: [x, y, width, height], eye: stand.toWorld([at.x, at.y, at.z]),
-          projection: product(product(view.projectionMatrix, view.transform.inverse.matrix), stand.enter) };
-      });
+      const views = eyesOf(viewer, layer, stand);
       if (draw) draw(Number.isFinite(predicted) ? predicted : time, views, target);
       else painter.draw(new Float32Array(0), 0, views, target);
       frames += 1;
