@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from tests.running.page.test_serving import COMMAND, STUDY
-from visavis.cli.commands.serving import Way
+from visavis.cli.way_in import Way
 from visavis.lab.clock import SystemClock
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import UsageError

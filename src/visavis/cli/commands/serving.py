@@ -3,13 +3,9 @@
 import asyncio
 import re
 import signal
-from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
-from urllib.parse import urlsplit
 
 import typer
 from rich.table import Table
@@ -27,11 +23,13 @@ from visavis.cli.app import (
     say_json,
     verbatim,
 )
-from visavis.cli.commands.session import ENDING_SIGNALS, LanguageOption, SeedOption, SetOption
+from visavis.cli.commands.session import LanguageOption, SeedOption, SetOption
+from visavis.cli.ending import ENDING_SIGNALS
 from visavis.cli.notifier import NOTIFIER, prepare_pages
 from visavis.cli.studies import StudyHere, people_here, study_of_lab
+from visavis.cli.way_in import DEFAULT_HOST, LOOPBACK, Way, listening_of, words_of_code
 from visavis.lab.clock import SystemClock
-from visavis.lab.errors import ConfigError, DesignError, UsageError
+from visavis.lab.errors import DesignError, UsageError
 from visavis.protocol.session.operator import UnattendedOperator
 from visavis.running.film_store import FilmStore, film_store, require_roles_of_pages
 from visavis.running.page.arrivals import check_completion
@@ -41,12 +39,8 @@ from visavis.running.sessions.session_request import Request, SessionPerson
 from visavis.study.experiment import StudyExperiment
 
 if TYPE_CHECKING:
-    from visavis.running.page.lan import Certificate
+    pass
 
-EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104  # refused without a name to come under
-
-LOOPBACK: Final = ("127.0.0.1", "localhost")
-DEFAULT_HOST: Final = LOOPBACK[0]
 NOT_SECURE: Final = (
     "Browsers take this address for no safe one: films, figures and pictures that come damaged are "
     "not noticed (each session records checks_files: false), and no headset is entered. Serve it "
@@ -59,78 +53,6 @@ CompletionOption = Annotated[
         "--completion", help="Where people go afterwards; {id} is what their panel calls them."
     ),
 ]
-
-
-@dataclass(frozen=True)
-class Way:
-    """How people's browsers reach a server.
-
-    `public` is the address that whoever serves gave, `host` and `port` are where it listens. With
-    `is_lan` it speaks https on the lab's network, by the `certificate` and `key` of the lab or by
-    one of its own.
-    """
-
-    public: str
-    host: str
-    port: int
-    is_lan: bool = False
-    certificate: Path | None = None
-    key: Path | None = None
-
-    @property
-    def name(self) -> str:
-        """The name in the address that was given, "" without one."""
-        return urlsplit(self.public).hostname or ""
-
-    @property
-    def is_insecure(self) -> bool:
-        """Whether browsers take the given address for no safe one, as they do http of a network."""
-        return urlsplit(self.public).scheme == "http" and self.name not in LOOPBACK
-
-    def other_port(self, port: int) -> str:
-        """Return what to say where people's browsers come to another port than is listened at with
-        `is_lan`; "" where they do not.
-        """
-        parts = urlsplit(self.public)
-        typed = parts.port or 443
-        if not self.is_lan or not self.public or typed == port:
-            return ""
-        return (
-            f"{self.public} leads browsers to port {typed}, and this listens at {port}: unless "
-            f"something leads from there to here, say --public https://{parts.hostname}:{port}"
-        )
-
-    def check(self) -> None:
-        """Check that the options fit together.
-
-        Raises:
-            UsageError: saying which do not, and what to do.
-        """
-        parts = urlsplit(self.public)
-        if self.public and (parts.scheme not in ("http", "https") or not parts.hostname):
-            raise UsageError(f"--public takes an address, https://…, not {self.public!r}")
-        if parts.path.strip("/") or parts.query or parts.fragment:
-            raise UsageError(
-                f"--public takes the name of a server alone, not {self.public!r}: pages lie at "
-                "its root"
-            )
-        if self.is_lan:
-            if self.public and parts.scheme != "https":
-                raise UsageError(f"--lan speaks https; say --public https://{parts.netloc}")
-            if (self.certificate is None) != (self.key is None):
-                raise UsageError("--certificate and --key go together: two PEM files")
-            if self.certificate is not None and not self.public:
-                raise UsageError(
-                    "say with --public which name of the certificate people type, such as "
-                    f"--public https://study.example.org:{self.port}"
-                )
-        elif self.certificate is not None or self.key is not None:
-            raise UsageError("--certificate and --key are for --lan; without it a proxy has them")
-        elif self.host in EVERYWHERE and not self.public:
-            raise UsageError(
-                f"--host {self.host} listens to other computers; say with --public under which "
-                "address they come, such as http://192.168.1.5:8080, or use --lan"
-            )
 
 
 @app.command()
@@ -274,17 +196,12 @@ async def _serve(
     completion: str,
 ) -> None:
     # Late: aiohttp comes with visavis[browser], which the other commands here do not need.
-    from visavis.running.page.lan import addresses_here
     from visavis.running.page.opening_code import OpeningCode
     from visavis.running.page.reception import Reception, Rules
     from visavis.running.page.server import PageServer
 
-    listens_everywhere = way.host in EVERYWHERE or (way.is_lan and way.host == DEFAULT_HOST)
-    near = (addresses_here() if listens_everywhere else (way.host,)) if way.is_lan else ()
-    if way.is_lan and not (way.name or near):
-        raise UsageError("this computer has no address on a network; join one, or say --host")
-    names = tuple(dict.fromkeys(filter(None, (way.name, *near, *LOOPBACK))))
-    certificate = _certificate(way, names, base) if way.is_lan else None
+    listening = listening_of(way, base.config.key_root, base.clock)
+    near, certificate = listening.near, listening.certificate
     key_file = None if here.is_simulated else here.key_file
 
     def withdraw(label: str) -> None:
@@ -313,9 +230,8 @@ async def _serve(
         say=warn,
         code=code,
     )
-    server = PageServer((*names, way.host), reception)
-    host = EVERYWHERE[0] if way.is_lan and listens_everywhere else way.host
-    await server.start(host, way.port, certificate.context if certificate else None)
+    server = PageServer(listening.names, reception)
+    await server.start(listening.host, way.port, certificate.context if certificate else None)
     until = asyncio.Event()
     loop = asyncio.get_running_loop()
     for name in ENDING_SIGNALS:
@@ -334,7 +250,7 @@ async def _serve(
     for line in addresses:
         console.print(f"  [b]{verbatim(line)}[/]", soft_wrap=True, highlight=False)
     if code is not None and certificate is not None:
-        for line in _on_a_lan(way, code.digits, certificate):
+        for line in words_of_code(way, code.digits, certificate):
             console.print(line, soft_wrap=True, highlight=False)
     if way.is_insecure:
         warn(NOT_SECURE)
@@ -347,47 +263,6 @@ async def _serve(
         await reception.serve(server, until)
     finally:
         await server.stop()
-
-
-def _on_a_lan(way: Way, digits: str, own_certificate: "Certificate") -> Iterator[str]:
-    """Yield what whoever serves on a network reads: the code, and how to know the server again."""
-    yield "Code that opens a session:"
-    yield f"  [b]{digits[:3]} {digits[3:]}[/]"
-    if way.certificate is None:
-        yield (
-            "Browsers warn, as this computer made its certificate itself: go on (Advanced) if the "
-            "one they show has this SHA-256:"
-        )
-    else:
-        yield "SHA-256 of the certificate:"
-    half = len(own_certificate.fingerprint) // 2
-    yield f"  {own_certificate.fingerprint[:half]}"
-    yield f"  {own_certificate.fingerprint[half + 1 :]}"
-
-
-def _certificate(way: Way, names: tuple[str, ...], base: Request) -> "Certificate":
-    """Return the certificate that a server on a network shows.
-
-    Raises:
-        UsageError: the lab's own does not hold.
-        ConfigError: none can be made, as a library is not installed.
-    """
-    # Late: as in _serve.
-    from visavis.running.page.lan import certificate_of
-
-    if way.certificate is not None and way.key is not None:
-        return certificate_of(way.certificate, way.key, [way.name])
-    try:
-        # cryptography comes with visavis[lan], which whoever has a certificate does not need.
-        from visavis.running.page.own_certificate import own_certificate
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            f"a certificate of its own needs {error.name}, which is not installed; run: pip "
-            "install 'visavis[lan]', or give the lab's with --certificate and --key, or join one "
-            "headset by cable and serve without --lan (adb reverse tcp:8080 tcp:8080)"
-        ) from error
-    now = datetime.fromisoformat(base.clock.wall_iso())
-    return own_certificate(base.config.key_root, names, now)
 
 
 @app.command()

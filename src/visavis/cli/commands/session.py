@@ -30,6 +30,7 @@ from visavis.cli.commands.checking import EXIT_RED, print_check
 from visavis.cli.desk.link import ACTIONS, About, SessionLink
 from visavis.cli.doctor.findings import Finding
 from visavis.cli.doctor.station import station_findings
+from visavis.cli.ending import ENDING_SIGNALS, let_signals_interrupt
 from visavis.cli.lab_companion import LabCompanion
 from visavis.cli.notifier import counting, make_ready, prepare_pages
 from visavis.cli.operator_screen import TerminalOperator
@@ -91,8 +92,6 @@ from visavis.study.texts import DEFAULT_LANGUAGE
 
 BODIES = ("female", "male")
 MIN_STATURE_M, MAX_STATURE_M = 1.2, 2.3
-ENDING_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
-"""Signals of Ctrl-C, the system, and a closed terminal (Windows: SIGBREAK)."""
 
 ParticipantOption = Annotated[
     str, typer.Option("--participant", help="Identifier from the ledger, such as 07.")
@@ -546,7 +545,7 @@ def _perform(
         operator: Operator = UnattendedOperator()
         respondent = None
         if on == "browser":
-            _let_signals_interrupt()
+            let_signals_interrupt()
         elif not fast:
             screen = TerminalOperator(
                 console,
@@ -706,17 +705,6 @@ def _tell_address(address: str) -> None:
     console.print("The participant's page, on this computer:", soft_wrap=True)
     console.print(f"  [b]{verbatim(address)}[/]", soft_wrap=True, highlight=False)
     console.print("It ends by itself; Ctrl-C ends it now, and every answer is kept.")
-
-
-def _let_signals_interrupt() -> None:
-    """End a page's session properly at the first signal, as Ctrl-C does."""
-
-    def end(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    for name in ENDING_SIGNALS:
-        if hasattr(signal, name) and name != "SIGINT":
-            signal.signal(getattr(signal, name), end)
 
 
 def _let_signals_end(screen: TerminalOperator) -> None:

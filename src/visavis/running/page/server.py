@@ -264,7 +264,8 @@ class LocalServer:
             LOG.exception("a request failed")
             response = _refusal(500, "it failed")
         if not response.prepared:
-            response.headers.update(HEADERS)
+            for name, value in HEADERS.items():
+                response.headers.setdefault(name, value)
         return response
 
     def _refuse_strangers(self, request: web.Request) -> None:
