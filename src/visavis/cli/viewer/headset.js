@@ -7,8 +7,9 @@ const LOWEST_EYE_M = 0.5; // as `recording.blurring.MIN_EYE_M`: what was measure
 const SAME_PLACE_M = 0.6; // as near to it one stands in the participant, whose body is not drawn then
 const GAZE_BEGINS_M = 1; // before one's own eyes a line that begins nearer cannot be looked at, nor the words behind it
 const GAZE_M = {line: 0.003, point: 0.006, least: 0.008}; // radii: of the point a metre away, and at least
-const PANEL = {ahead_m: 0.85, below_m: 0.5, size_m: [0.62, 0.155], px: [992, 248], turns: 0.8, every_ms: 100};
-const HOW = ['trigger: play, pause   ·   B or Y: leave', 'right stick ← → : 5 s   ·   left stick ← → : trial   ·   stick ↑ : stand where they are now'];
+// Nearer than a monitor stands.
+const PANEL = {ahead_m: 0.5, below_m: 0.34, size_m: [0.4, 0.1], px: [992, 248], turns: 0.8, every_ms: 100};
+const HOW = ['trigger: play, pause   ·   B or Y: leave', 'right stick: 5 s   ·   left stick: trial   ·   stick up: where they are now'];
 const WHAT_TO_DO = {
   'the address is not secure': 'open the page as visavis view SESSION --headset --lan prints it, by https, or at localhost',
   'this browser has no WebXR': 'take the headset\'s own browser (visavis view SESSION --headset --lan), or Chrome or Edge at a computer that a headset is joined to',
@@ -122,13 +123,15 @@ class Headset {
     this.frames++;
   }
 
-  // Where the participant's head was is where one's own head is, turned as theirs about the vertical alone, on the same floor.
+  // Where the participant's head was is where one's own head is, turned as theirs about the vertical alone. In a place one
+  // stands on its floor, as tall as one is; flat stimuli have no floor, nor has a head that was not measured from it.
   place({position: p, orientation}) {
     const {streams, t} = this.viewer, first = streams.has('head') ? streams.t('head')[0] : 0;
     const head = streams.headAt(t) || streams.headAt(first) || {at: [0, 1.6, 0], turn: [1, 0, 0, 0]};
     const own = {at: [p.x, p.y, p.z], ahead: rotated(orientation, [0, 0, -1])};
     this.ahead = null;
-    return standAt(head.at, add(head.at, rotate(head.turn, [0, 0, -1])), own, head.at[1] > LOWEST_EYE_M ? 0 : head.at[1] - p.y);
+    const hasFloor = !this.viewer.session.isFlat && head.at[1] > LOWEST_EYE_M;
+    return standAt(head.at, add(head.at, rotate(head.turn, [0, 0, -1])), own, hasFloor ? 0 : head.at[1] - p.y);
   }
 
   // A line from the participant's eyes to where gaze ends, and a point there.

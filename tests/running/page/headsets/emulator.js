@@ -13,6 +13,8 @@
     },
     press(side) { device.controllers[side].updateButtonValue("trigger", 1); },
     release(side) { device.controllers[side].updateButtonValue("trigger", 0); },
+    stick(side, x, y) { device.controllers[side].updateAxes("thumbstick", x, y); },
+    upper(side, value) { device.controllers[side].updateButtonValue(side === "left" ? "y-button" : "b-button", value); },
     visibility(what) { device.updateVisibilityState(what); },
     wear(now) { isWorn = now; },
     end() { return device.activeSession?.end(); },

@@ -116,6 +116,9 @@
     point(side, place, turn) { Object.assign(of(side), { place, turn }); },
     press(side) { of(side).gamepad.buttons[0].value = 1; state.session.tell("selectstart", of(side)); },
     release(side) { of(side).gamepad.buttons[0].value = 0; state.session.tell("select", of(side)); state.session.tell("selectend", of(side)); },
+    stick(side, x, y) { of(side).gamepad.axes.splice(2, 2, x, y); },
+    upper(side, value) { of(side).gamepad.buttons[5].value = value; }, // B or Y
+    head(place, turn) { Object.assign(state, { head: place, turn }); },
     visibility(what) { state.session.visibilityState = what; state.session.dispatchEvent(new Event("visibilitychange")); },
     wear(isWorn) { state.isWorn = isWorn; },
     track(isTracked) { state.isTracked = isTracked; },
