@@ -163,6 +163,9 @@ PICTURES: Final[
     "waving_in_a_headset.jpg": ByHand(
         "what the same drew of `waving_page`, in `tests/running/page/test_waving_in_browser.py`"
     ),
+    "session_in_a_headset.jpg": ByHand(
+        "`visavis view SESSION --headset` of a duel in Chromium, entered with the emulator IWER"
+    ),
     "moulding_monitor.jpg": ByHand("the same study before a monitor (`display.show: screen`)"),
     "viewer_together.jpg": ByHand(
         "`visavis view STUDY --trial T02 --participants all` of three people in Chromium, keys F, N"

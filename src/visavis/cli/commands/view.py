@@ -209,7 +209,8 @@ def _write_again(
             console.print(f"written [b]{verbatim(path)}[/]; rerun {verbatim(path)} shows it")
             return [path]
         header, bundle = page_content(study, recording, trial_names, advance, beside.write)
-    header["headset"] = in_headset
+    if in_headset:
+        header["headset"] = True
     path.write_text(page_of(header, bundle), encoding="utf-8")
     size_mb = sum(file.stat().st_size for file in (path, *beside.files)) / 1e6
     summary = f"{len(trial_names)} of {len(lengths)} trials in space, {size_mb:.1f} MB"
@@ -274,7 +275,8 @@ def _write_together(
             trial_id,
             lambda count, total: bar.update(line, completed=count, total=total),
         )
-    header["headset"] = in_headset
+    if in_headset:
+        header["headset"] = True
     path.write_text(page_of(header, bundle), encoding="utf-8")
     size_mb = path.stat().st_size / 1e6
     summary = f"{trial_id} of {len(sessions)} sessions, {size_mb:.1f} MB"
