@@ -30,7 +30,7 @@ from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
-from visavis.stimuli.areas import Area, KeyFrame, PlacedAreas
+from visavis.stimuli.areas import Area, KeyFrame, PlacedAreas, pack_runs
 from visavis.stimuli.dressing.flat import monitor_of, place_of
 from visavis.stimuli.dressing.picture_of import NOBODY, NOWHERE
 from visavis.stimuli.flat import Dots, Shape
@@ -224,6 +224,34 @@ def test_an_area_that_moves_is_where_it_is_and_one_that_is_gone_nowhere() -> Non
     assert (1, 3, 3) == still.shape
 
 
+def test_a_painted_area_has_the_outlines_of_its_pixels_on_its_picture() -> None:
+    pose = Pose(np.array([0.0, 1.0, -2.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+    mask = np.zeros((100, 100), np.bool_)
+    mask[20:80, 20:80] = True
+    mask[40:60, 40:60] = False
+    speck = np.zeros((100, 100), np.bool_)
+    speck[50, 50] = True
+    painted = tuple(Area(name, pixels=pack_runs(m)) for name, m in (("a", mask), ("b", speck)))
+    sheet = PlacedAreas(pose, (1.0, 1.0), (100, 100), painted, end_s=3.0)
+    scene = FlatScene("flat", (), items=(Shape("cross"),))
+    bundle = Bundle()
+    flat = flat_content(
+        Showing(scene, (sheet,)),
+        [0],
+        [Picture(0, NOWHERE, (), NOBODY)],
+        Models(bundle, level=1),
+        bundle,
+    )
+    raw = zlib.decompress(base64.b64decode(bundle.text({})))
+    page = Page(None, None, {}, raw[16:], Path())  # type: ignore[arg-type]
+    assert [[4, 4], [1]] == [area["outlines"] for area in flat["areas"]]
+    around, point = (page.array(area["corners"])[0] for area in flat["areas"])
+    for corners, half_m in ((around[:4], 0.3), (around[4:], 0.1)):
+        assert np.allclose(half_m, np.abs(corners[:, 0]))
+        assert np.allclose(half_m, np.abs(corners[:, 1] - 1.0))
+    assert np.allclose([[0.005, 0.995, -2.0]], point)
+
+
 @pytest.fixture(scope="module")
 def tab(page: Page) -> Iterator[Any]:
     with viewer_tab(page.file, 1000, 700) as (window, problems):
@@ -261,8 +289,8 @@ def test_areas_are_outlined_where_asked_and_a_click_says_how_long_they_were_look
     t_s = page.scene(row, "stimulus")["t0"] + 0.5
     names, tip, about = tab.evaluate(
         """t => { viewer.setCamera('eyes'); viewer.seek(t); viewer.draw();
-        const door = viewer.outlines[0], middle = [0, 1].map(a => door.path.reduce((s, p) =>
-            s + p[a], 0) / door.path.length), tip = viewer.under(...middle).text;
+        const [door] = viewer.outlines[0].paths, middle = [0, 1].map(a => door.reduce((s, p) =>
+            s + p[a], 0) / door.length), tip = viewer.under(...middle).text;
         viewer.click(...middle);
         return [viewer.outlines.map(o => o.name), tip, viewer.about.name]; }""",
         t_s,
@@ -272,6 +300,28 @@ def test_areas_are_outlined_where_asked_and_a_click_says_how_long_they_were_look
     tab.keyboard.press("o")
     assert [] == tab.evaluate("(viewer.draw(), viewer.outlines)")
     tab.keyboard.press("o")
+
+
+PAINTED = """t => { viewer.seek(t); viewer.setCamera('eyes'); const scene = viewer.sceneAt(t),
+        s = scene.data.flat.sheets.at(-1), stage = document.getElementById('stage'),
+        place = (x, y) => add(s.at, rotate(s.turn, [x * s.size[0], y * s.size[1], 0])),
+        square = r => [[-r, -r], [r, -r], [r, r], [-r, r]].map(([x, y]) => place(x, y));
+    scene.flat.areas.push({name: 'ring', at: () => [...square(0.4), ...square(0.1)].flat(),
+        outlines: [4, 4]});
+    viewer.draw();
+    const names = [0, 0.3, 0.45].map(x => { const w = stage.clientWidth, h = stage.clientHeight,
+        p = viewer.project(viewer.view(scene, w, h), place(x, 0), w, h);
+        return viewer.under(p[0], p[1])?.key?.name; });
+    scene.flat.areas.pop();
+    return names.map(name => name === 'ring'); }"""
+"""Whether the middle, the rim and the outside of a painted ring are found to be of it."""
+
+
+@pytest.mark.slow  # a browser
+def test_a_hole_in_a_painted_area_is_none_of_it(tab: Any, page: Page) -> None:
+    row = page.recording.trials().iloc[0]
+    t_s = page.scene(row, "square")["t0"] + 0.1
+    assert [False, True, False] == tab.evaluate(PAINTED, t_s)
 
 
 @pytest.mark.slow  # a browser

@@ -243,6 +243,24 @@ def test_words_come_after_whoever_turns_away_from_them(page: Path, browser: Any)
         assert stay == (before == tab.evaluate("viewer.headset.ahead"))
 
 
+SHIFTED = """metres => { const begins = viewer.header.trials[1].t0, of = viewer.streams,
+    headAt = of.headAt.bind(of); of.headAt = t => { const head = headAt(t);
+        return t < begins ? head : {...head, at: add(head.at, [metres, 0, 0])}; };
+    viewer.seek(begins + 0.1); }"""
+
+
+@pytest.mark.slow  # a browser
+@pytest.mark.parametrize(("metres", "is_moved"), [(0.5, False), (0.75, True)])
+def test_who_stands_elsewhere_than_the_next_trial_begins_is_brought_there(
+    page: Path, browser: Any, metres: float, is_moved: bool
+) -> None:
+    tab, _ = worn(browser, page, "standard")
+    tab.evaluate("window.before = viewer.headset.stand")
+    tab.evaluate(SHIFTED, metres)
+    look(tab)
+    assert is_moved == tab.evaluate("before !== viewer.headset.stand")
+
+
 # ---- hands --------------------------------------------------------------------------------------
 
 

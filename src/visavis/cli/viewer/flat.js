@@ -32,26 +32,27 @@ class Flat {
     Object.assign(this, {data, content});
     this.monitor = data.eye ? data.sheets[0] : null;
     const courseOf = ref => { const flat = content.flat(ref), n = ref.s[0]; return k => Array.from({length: flat.length / n}, (_, c) => flat[c * n + Math.min(k, n - 1)]); };
-    this.areas = data.areas.map(({name, corners}) => ({name, at: courseOf(corners)}));
+    this.areas = data.areas.map(({name, corners, outlines}) => ({name, at: courseOf(corners), outlines}));
     this.turnAt = data.around && courseOf(data.around.turns);
   }
 
-  // What stands there at a sample (whole number) of the scene: areas of interest as {name, corners}.
+  // What stands there at a sample (whole number) of the scene: areas of interest as {name, corners, outlines}, of each
+  // outline how many corners are its own.
   areasAt(k) {
-    const areas = this.areas.map(({name, at}) => {
-      const numbers = at(k);
-      return {name, corners: Array.from({length: numbers.length / 3}, (_, c) => numbers.slice(3 * c, 3 * c + 3))};
+    const areas = this.areas.map(({name, at, outlines}) => {
+      const numbers = at(k), corners = Array.from({length: numbers.length / 3}, (_, c) => numbers.slice(3 * c, 3 * c + 3));
+      return {name, corners, outlines: outlines || [corners.length]};
     }).filter(area => !Number.isNaN(area.corners[0][0]));
     return this.monitor && this.turnAt ? areas.map(area => this.throughMonitor(area)).filter(Boolean) : areas;
   }
 
   // An area as it was seen through the monitor, no farther than to its edges; null where nothing of it was.
-  throughMonitor({name, corners}) {
+  throughMonitor({name, corners, outlines}) {
     const {at, turn: [w, x, y, z], size: sizes} = this.monitor, places = corners.map(p => this.onMonitor(this.data.eye, sub(p, this.data.eye)));
     if (places.some(p => !p)) return null;
     const own = places.map(p => rotate([w, -x, -y, -z], sub(p, at))), within = (v, a) => Math.max(-sizes[a] / 2, Math.min(sizes[a] / 2, v));
     if ([0, 1].some(a => own.every(p => p[a] > sizes[a] / 2) || own.every(p => p[a] < -sizes[a] / 2))) return null;
-    return {name, corners: own.map(p => add(at, rotate(this.monitor.turn, [within(p[0], 0), within(p[1], 1), 0])))};
+    return {name, outlines, corners: own.map(p => add(at, rotate(this.monitor.turn, [within(p[0], 0), within(p[1], 1), 0])))};
   }
 
   // Where a line from an eye meets the monitor's plane; null where it leads away from it.

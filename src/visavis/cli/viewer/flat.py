@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from visavis.cli.recorded_trial import RecordedTrial
 from visavis.cli.viewer.bundle import Bundle
-from visavis.cli.viewer.models import Models
+from visavis.cli.viewer.models import SIDE_PX, Models
 from visavis.lab.geometry import Vector
 from visavis.protocol.plan.shown_scene import RecordedScene, of_part
 from visavis.stimuli.areas import (
@@ -22,8 +22,10 @@ from visavis.stimuli.areas import (
     SurroundingAreas,
     areas_under,
     read_areas_text,
+    unpack_runs,
 )
 from visavis.stimuli.dressing.flat import first_sheets, monitor_of
+from visavis.stimuli.painted_outlines import outlines_of
 from visavis.stimuli.picture import Picture, Sheet
 from visavis.stimuli.room_areas import RoomAreas
 from visavis.stimuli.scene import SceneFrame
@@ -145,26 +147,39 @@ def _sheet(sheet: Sheet, models: Models) -> dict[str, Any]:
 
 def _areas(showing: Showing, t_ns: Sequence[int], bundle: Bundle) -> Iterator[dict[str, Any]]:
     """Yield each area's name and corners (times, corners, 3) in world, one time where it stands
-    still; NaN while it is not there. A painted one has its middle alone.
+    still; NaN while it is not there. A painted one says how many corners each of its outlines has.
     """
     for one in showing.areas:
         for k, area in enumerate(one.areas):
             is_still = isinstance(one, PlacedAreas) and not area.keys
-            missing = np.full(_corners_m(one, area.first(), t_ns[0]).shape, np.nan)
-            course = [
-                missing if now is None else _corners_m(one, now, t)
-                for t in (t_ns[:1] if is_still else t_ns)
-                for now in [one.areas_now(t)[k]]
-            ]
-            yield {"name": area.name, "corners": _course(bundle, course)}
+            painted = _painted(area, max(one.size_px)) if area.pixels else []
+            course = []
+            for t in t_ns[:1] if is_still else t_ns:
+                now = one.areas_now(t)[k]
+                corners = np.concatenate(painted) if painted else _corners(now or area.first())
+                places = _places_m(one, corners, t)
+                course.append(np.full(places.shape, np.nan) if now is None else places)
+            content = {"name": area.name, "corners": _course(bundle, course)}
+            yield content | ({"outlines": list(map(len, painted))} if painted else {})
 
 
-def _corners_m(one: PictureAreas, area: Area, t_ns: int) -> Vector:
-    corners = area.corners()[:: ELLIPSE_EVERY if area.is_ellipse else 1]
-    places = corners.tolist() or [area.middle()]
+def _painted(area: Area, side_px: int) -> list[Vector]:
+    """Return the outlines of painted pixels of a picture, as exact as the page has the picture; of
+    pixels too few for one its middle.
+    """
+    outlines = outlines_of(unpack_runs(area.pixels), max(1.0, side_px / SIDE_PX["flat"]))
+    return [o.astype(np.float64) for o in outlines] or [np.array([area.middle()])]
+
+
+def _corners(area: Area) -> Vector:
+    return area.corners()[:: ELLIPSE_EVERY if area.is_ellipse else 1]
+
+
+def _places_m(one: PictureAreas, corners: Vector, t_ns: int) -> Vector:
     if isinstance(one, SurroundingAreas):
-        return np.array([one.place_m(x, y, one.turns.at(t_ns)) for x, y in places])
-    return np.array([one.place_m(x, y) for x, y in places])
+        turns = one.turns.at(t_ns)
+        return np.array([one.place_m(x, y, turns) for x, y in corners.tolist()])
+    return np.array([one.place_m(x, y) for x, y in corners.tolist()])
 
 
 def _course(bundle: Bundle, values: Sequence[Vector]) -> dict[str, Any]:

@@ -33,6 +33,7 @@ class Headset {
   async look() {
     $('enter-vr').disabled = true;
     const why = await whyNot();
+    if (this.isWorn) return;
     $('enter-vr').disabled = !!why;
     $('vr-note').textContent = why ? `${why}: ${WHAT_TO_DO[why] || 'open the page anew'}` : '';
   }
@@ -42,8 +43,9 @@ class Headset {
     let entered;
     try { entered = await openHeadset(() => gl); } catch (problem) { $('vr-note').textContent = `The headset was not entered: ${problem.message}`; return; }
     const {session, space} = entered;
-    Object.assign(this, {session, space, layer: drawIn(session, gl), isWorn: true, stand: null, ahead: null, held: new Map(), panelMs: -1e9});
+    Object.assign(this, {session, space, layer: drawIn(session, gl), isWorn: true, stand: null, trial: null, ahead: null, held: new Map(), panelMs: -1e9});
     viewer.last = 0;
+    $('enter-vr').disabled = true;
     $('vr-note').textContent = 'in the headset';
     session.addEventListener('selectstart', () => viewer.play());
     session.addEventListener('visibilitychange', () => { if (session.visibilityState !== 'visible') viewer.play(false); });
@@ -72,7 +74,7 @@ class Headset {
     for (const {gamepad, handedness} of this.session.inputSources) {
       if (!gamepad) continue;
       const {across, along} = STICKS, isLeft = handedness === 'left';
-      this.once(handedness + 'across', gamepad.axes[across], sign => isLeft ? this.step(sign) : this.seek(sign * STEP_S));
+      this.once(handedness + 'across', gamepad.axes[across], sign => isLeft ? this.step(sign) : this.viewer.seek(this.viewer.t + sign * STEP_S));
       this.once(handedness + 'along', gamepad.axes[along], sign => { if (sign < 0) this.stand = null; });
       this.once(handedness + 'leave', gamepad.buttons[LEAVE]?.value, () => this.session.end());
     }
@@ -85,14 +87,7 @@ class Headset {
     if (isBeyond && !isHeld) act(Math.sign(value));
   }
 
-  // To another trial, where one stands anew; within one's own place stays.
   step(sign) { this.viewer.step(sign); this.stand = null; }
-
-  seek(byS) {
-    const {viewer} = this, before = viewer.trialAt(viewer.t);
-    viewer.seek(viewer.t + byS);
-    if (viewer.trialAt(viewer.t) !== before) this.stand = null;
-  }
 
   // ---- one picture for each eye ----
 
@@ -101,10 +96,12 @@ class Headset {
     this.listen();
     viewer.advance(time);
     if (!pose || !this.isWorn) return;
-    this.stand ||= this.place(pose.transform);
-    const scene = viewer.posed(), light = viewer.lightOf(scene), {position: p, orientation} = pose.transform;
-    const own = this.stand.toWorld([p.x, p.y, p.z]), towards = sub(this.stand.toWorld([p.x, p.y, p.z].map((v, i) => v + rotated(orientation, [0, 0, -1])[i])), own);
-    const head = viewer.streams.headAt(viewer.t), isOutside = !head || Math.hypot(head.at[0] - own[0], head.at[2] - own[2]) > SAME_PLACE_M;
+    // Where another trial begins elsewhere one is brought there; within one nobody is moved.
+    const trial = viewer.trialAt(viewer.t), {position: p, orientation} = pose.transform, at = [p.x, p.y, p.z];
+    if (!this.stand || trial && trial !== this.trial && this.isOutside(at)) this.stand = this.place(pose.transform);
+    this.trial = trial || this.trial;
+    const scene = viewer.posed(), light = viewer.lightOf(scene), isOutside = this.isOutside(at);
+    const own = this.stand.toWorld(at), towards = sub(this.stand.toWorld(add(at, rotated(orientation, [0, 0, -1]))), own);
     const turn = turnOf(Math.atan2(-towards[0], -towards[2]), Math.asin(Math.max(-1, Math.min(1, towards[1]))));
     const things = viewer.show.gaze ? viewer.seen.flatMap(one => this.gazeOf(one, own)) : [];
     const sheets = [...(scene?.data.panels || []).map(panel => this.board(panel)), this.panel(time, own, towards)];
@@ -121,6 +118,12 @@ class Headset {
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     this.frames++;
+  }
+
+  // Whether one's head, on the headset's floor, is away from where the participant's is now.
+  isOutside(at) {
+    const head = this.viewer.streams.headAt(this.viewer.t), own = this.stand.toWorld(at);
+    return !head || Math.hypot(head.at[0] - own[0], head.at[2] - own[2]) > SAME_PLACE_M;
   }
 
   // Where the participant's head was is where one's own head is, turned as theirs about the vertical alone. In a place one

@@ -405,14 +405,16 @@ class Viewer {
     writeOn(g, panel.choices.map((c, k) => k === panel.lit ? `[${c}]` : c).join('   '), x, y + 12 * ratio, '#ccc', ratio);
   }
 
-  // An area of interest on a picture; of a painted one its name alone.
+  // An area of interest on a picture; a painted one may have several outlines.
   drawArea(g, area, at, ratio, isHit, named, width, height) {
     const corners = area.corners.map(at);
     if (corners.some(p => !p) || corners.every(p => p[0] < 0 || p[0] > width || p[1] < 0 || p[1] > height)) return;
-    this.outline(g, [...corners, corners[0]], isHit ? GAZE : '#d8d8d8', (isHit ? 2.5 : 1) * ratio, ratio);
+    let from = 0;
+    area.paths = area.outlines.map(n => corners.slice(from, from += n));
+    for (const path of area.paths) this.outline(g, [...path, path[0]], isHit ? GAZE : '#d8d8d8', (isHit ? 2.5 : 1) * ratio, ratio);
     const top = corners.reduce((a, b) => b[1] < a[1] ? b : a);
     named.push({text: inWords(area.name), x: corners.reduce((s, p) => s + p[0], 0) / corners.length, y: top[1] - 8 * ratio, colour: isHit ? GAZE : '#ddd', far: isHit ? 0 : top[2]});
-    area.path = corners.map(p => [p[0] / ratio, p[1] / ratio]);
+    area.paths = area.paths.map(path => path.map(p => [p[0] / ratio, p[1] / ratio]));
   }
 
   // Where the window was that followed gaze.
@@ -812,7 +814,7 @@ class Viewer {
     if (!scene || this.pages.at(this.t)) return null;
     const touch = (this.touches || []).find(c => Math.hypot(c.x - x, c.y - y) < NEAR_PX / 2);
     if (touch) return touch;
-    const area = this.outlines.findLast(one => one.path && isWithin(one.path, x, y));
+    const area = this.outlines.findLast(one => one.paths?.reduce((is, path) => is !== isWithin(path, x, y), false));
     if (area) return this.tipOf({kind: 'thing', name: area.name});
     const view = this.view(scene, width, height);
     const along = unit(rotate(view.turn, [(2 * x / width - 1) * view.top * view.aspect, (1 - 2 * y / height) * view.top, -1]));
