@@ -319,6 +319,7 @@ def test_hands_play_step_stand_anew_and_leave(which: str, page: Path, browser: A
         ("Object.defineProperty(navigator, 'xr', {value: undefined})", "has no WebXR: take the"),
         ("Object.defineProperty(window, 'isSecureContext', {value: false})", "not secure: open"),
     ],
+    ids=["no headset", "no WebXR", "not secure"],
 )
 def test_a_browser_that_enters_no_headset_says_why_and_what_to_do(
     page: Path, browser: Any, script: str, said: str
