@@ -231,8 +231,8 @@ def test_a_painted_area_has_the_outlines_of_its_pixels_on_its_picture() -> None:
     mask[40:60, 40:60] = False
     speck = np.zeros((100, 100), np.bool_)
     speck[50, 50] = True
-    painted = tuple(Area(name, pixels=pack_runs(m)) for name, m in (("a", mask), ("b", speck)))
-    sheet = PlacedAreas(pose, (1.0, 1.0), (100, 100), painted, end_s=3.0)
+    areas = tuple(Area(name, pixels=pack_runs(m)) for name, m in (("a", mask), ("b", speck)))
+    sheet = PlacedAreas(pose, (1.0, 1.0), (100, 100), areas, end_s=3.0)
     scene = FlatScene("flat", (), items=(Shape("cross"),))
     bundle = Bundle()
     flat = flat_content(
@@ -302,7 +302,7 @@ def test_areas_are_outlined_where_asked_and_a_click_says_how_long_they_were_look
     tab.keyboard.press("o")
 
 
-PAINTED = """t => { viewer.seek(t); viewer.setCamera('eyes'); const scene = viewer.sceneAt(t),
+RING = """t => { viewer.seek(t); viewer.setCamera('eyes'); const scene = viewer.sceneAt(t),
         s = scene.data.flat.sheets.at(-1), stage = document.getElementById('stage'),
         place = (x, y) => add(s.at, rotate(s.turn, [x * s.size[0], y * s.size[1], 0])),
         square = r => [[-r, -r], [r, -r], [r, r], [-r, r]].map(([x, y]) => place(x, y));
@@ -321,7 +321,7 @@ PAINTED = """t => { viewer.seek(t); viewer.setCamera('eyes'); const scene = view
 def test_a_hole_in_a_painted_area_is_none_of_it(tab: Any, page: Page) -> None:
     row = page.recording.trials().iloc[0]
     t_s = page.scene(row, "square")["t0"] + 0.1
-    assert [False, True, False] == tab.evaluate(PAINTED, t_s)
+    assert [False, True, False] == tab.evaluate(RING, t_s)
 
 
 @pytest.mark.slow  # a browser

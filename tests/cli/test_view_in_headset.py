@@ -80,7 +80,7 @@ def test_eyes_are_so_high_over_a_floor_as_in_recordings() -> None:
 # ---- what both eyes see -------------------------------------------------------------------------
 
 
-def opened(browser: Any, page: Path, *scripts: str) -> tuple[Any, list[str]]:
+def open_page(browser: Any, page: Path, *scripts: str) -> tuple[Any, list[str]]:
     """Return a page with a headset's button, opened after scripts, and what goes wrong on it."""
     tab = browser.new_context(viewport={"width": 900, "height": 300}).new_page()
     problems: list[str] = []
@@ -93,11 +93,11 @@ def opened(browser: Any, page: Path, *scripts: str) -> tuple[Any, list[str]]:
     return tab, problems
 
 
-def worn(browser: Any, page: Path, which: str) -> tuple[Any, list[str]]:
+def put_on(browser: Any, page: Path, which: str) -> tuple[Any, list[str]]:
     """Return a page with a headset of the tests put on, and what goes wrong on it."""
     emulator = [npm_script("iwer", "build/iwer.min.js")] if which == "emulator" else []
     script = (HEADSETS / f"{which}.js").read_text("utf-8")
-    tab, problems = opened(browser, page, *emulator, script)
+    tab, problems = open_page(browser, page, *emulator, script)
     tab.locator(BUTTON).click()
     look(tab)
     return tab, problems
@@ -123,18 +123,18 @@ def yaw_of(turn: Sequence[float]) -> float:
     return float(np.arctan2(-facing[0], -facing[2]))
 
 
-def turned(yaw_rad: float) -> Vector:
+def turn_of(yaw_rad: float) -> Vector:
     return np.array([np.cos(yaw_rad / 2), 0.0, np.sin(yaw_rad / 2), 0.0])
 
 
 def pixels(place_m: Sequence[float], head_m: Vector, yaw_rad: float) -> Vector:
     """Return column and row from below (2, 2) of a place for each eye of a level head."""
-    found = []
+    places = []
     for eye_m in EYES_M:
-        eye = head_m + rotate(turned(yaw_rad), np.array([eye_m, 0.0, 0.0]))
-        x, y, z = rotate(turned(-yaw_rad), np.array(place_m) - eye)
-        found.append([SIDE_PX / 2 * (1 + x / -z), SIDE_PX / 2 * (1 + y / -z)])
-    return np.array(found)
+        eye = head_m + rotate(turn_of(yaw_rad), np.array([eye_m, 0.0, 0.0]))
+        x, y, z = rotate(turn_of(-yaw_rad), np.array(place_m) - eye)
+        places.append([SIDE_PX / 2 * (1 + x / -z), SIDE_PX / 2 * (1 + y / -z)])
+    return np.array(places)
 
 
 @pytest.mark.slow  # a browser
@@ -142,7 +142,7 @@ def pixels(place_m: Sequence[float], head_m: Vector, yaw_rad: float) -> Vector:
 def test_both_eyes_see_a_flat_stimulus_from_where_the_participant_s_head_was(
     flat: Page, browser: Any, own_yaw_deg: float
 ) -> None:
-    tab, problems = worn(browser, flat.file, "standard")
+    tab, problems = put_on(browser, flat.file, "standard")
     row = flat.recording.trials().iloc[0]
     scene = flat.scene(row, "square")
     head = tab.evaluate(
@@ -151,7 +151,7 @@ def test_both_eyes_see_a_flat_stimulus_from_where_the_participant_s_head_was(
         scene["t0"] + 0.1,
     )
     look(tab)  # and stands there; then they turn
-    turn = turned(np.radians(own_yaw_deg)).tolist()
+    turn = turn_of(np.radians(own_yaw_deg)).tolist()
     tab.evaluate("turn => drive.head([0, 1.6, 0], turn)", turn)
     yaw_rad = yaw_of(head["turn"]) + np.radians(own_yaw_deg)
     expected = pixels(scene["flat"]["sheets"][-1]["at"], np.array(head["at"]), yaw_rad)
@@ -171,7 +171,7 @@ def test_both_eyes_see_a_flat_stimulus_from_where_the_participant_s_head_was(
 def test_people_stand_before_the_participant_s_place_as_one_s_own_height_shows_them(
     page: Path, browser: Any
 ) -> None:
-    tab, problems = worn(browser, page, "standard")
+    tab, problems = put_on(browser, page, "standard")
     head, agents = tab.evaluate(
         """() => { const scene = viewer.header.scenes.find(s => s.agents.length);
         const facing = t => Math.abs(rotate(viewer.streams.headAt(t).turn, [0, 0, -1])[0]);
@@ -184,9 +184,9 @@ def test_people_stand_before_the_participant_s_place_as_one_s_own_height_shows_t
     eye_m = np.array([head["at"][0], OWN_HEIGHT_M, head["at"][2]])
     assert eye_m[1] > head["at"][1] + 0.3  # they sat
     assert abs(yaw_of(head["turn"])) > 0.1
-    with_people = pictures(tab)
+    both = pictures(tab)
     tab.evaluate("viewer.show.people = false")
-    differs = (np.abs(with_people - pictures(tab)) > 20).any(axis=-1)
+    differs = (np.abs(both - pictures(tab)) > 20).any(axis=-1)
     for agent in agents:
         for is_there, up_m in ((True, 0.0), (False, 0.35)):
             places = pixels(np.add(agent, [0.0, up_m, 0.0]), eye_m, yaw_of(head["turn"]))
@@ -198,7 +198,7 @@ def test_people_stand_before_the_participant_s_place_as_one_s_own_height_shows_t
     assert not problems
 
 
-DRAWN = """() => { const d = viewer.drawing, draw = d.drawPeople; window.visible = null;
+WATCH_PEOPLE = """() => { const d = viewer.drawing, draw = d.drawPeople; window.visible = null;
     d.drawPeople = function (cast, visible, ...rest) { window.visible = visible;
         draw.call(d, cast, visible, ...rest); }; }"""
 
@@ -208,8 +208,8 @@ DRAWN = """() => { const d = viewer.drawing, draw = d.drawPeople; window.visible
 def test_the_participant_is_seen_by_who_has_left_their_place(
     page: Path, browser: Any, aside_m: float, is_seen: bool
 ) -> None:
-    tab, _ = worn(browser, page, "standard")
-    tab.evaluate(DRAWN)
+    tab, _ = put_on(browser, page, "standard")
+    tab.evaluate(WATCH_PEOPLE)
     tab.evaluate("m => drive.head([m, 1.6, 0], [Math.SQRT1_2, 0, Math.SQRT1_2, 0])", aside_m)
     look(tab)
     assert is_seen == tab.evaluate("visible.includes(viewer.sceneAt(viewer.t).data.participant)")
@@ -217,7 +217,7 @@ def test_the_participant_is_seen_by_who_has_left_their_place(
 
 @pytest.mark.slow  # a browser
 def test_gaze_is_a_point_where_it_ends_and_a_line_to_it(page: Path, browser: Any) -> None:
-    tab, _ = worn(browser, page, "standard")
+    tab, _ = put_on(browser, page, "standard")
     begin, end, models = tab.evaluate(
         """() => { let t = viewer.header.scenes[0].t0;
         while (!viewer.streams.gazeAt(t)?.valid) t += 0.02;
@@ -235,15 +235,15 @@ def test_gaze_is_a_point_where_it_ends_and_a_line_to_it(page: Path, browser: Any
 
 @pytest.mark.slow  # a browser
 def test_words_come_after_whoever_turns_away_from_them(page: Path, browser: Any) -> None:
-    tab, _ = worn(browser, page, "standard")
+    tab, _ = put_on(browser, page, "standard")
     before = tab.evaluate("viewer.headset.ahead")
     for yaw_deg, stay in ((43.0, True), (49.0, False)):
-        tab.evaluate("turn => drive.head([0, 1.6, 0], turn)", turned(np.radians(yaw_deg)).tolist())
+        tab.evaluate("turn => drive.head([0, 1.6, 0], turn)", turn_of(np.radians(yaw_deg)).tolist())
         look(tab)
         assert stay == (before == tab.evaluate("viewer.headset.ahead"))
 
 
-SHIFTED = """metres => { const begins = viewer.header.trials[1].t0, of = viewer.streams,
+SHIFT = """metres => { const begins = viewer.header.trials[1].t0, of = viewer.streams,
     headAt = of.headAt.bind(of); of.headAt = t => { const head = headAt(t);
         return t < begins ? head : {...head, at: add(head.at, [metres, 0, 0])}; };
     viewer.seek(begins + 0.1); }"""
@@ -254,9 +254,9 @@ SHIFTED = """metres => { const begins = viewer.header.trials[1].t0, of = viewer.
 def test_who_stands_elsewhere_than_the_next_trial_begins_is_brought_there(
     page: Path, browser: Any, metres: float, is_moved: bool
 ) -> None:
-    tab, _ = worn(browser, page, "standard")
+    tab, _ = put_on(browser, page, "standard")
     tab.evaluate("window.before = viewer.headset.stand")
-    tab.evaluate(SHIFTED, metres)
+    tab.evaluate(SHIFT, metres)
     look(tab)
     assert is_moved == tab.evaluate("before !== viewer.headset.stand")
 
@@ -268,7 +268,7 @@ def test_who_stands_elsewhere_than_the_next_trial_begins_is_brought_there(
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("which", ["standard", "emulator"])
 def test_hands_play_step_stand_anew_and_leave(which: str, page: Path, browser: Any) -> None:
-    tab, problems = worn(browser, page, which)
+    tab, problems = put_on(browser, page, which)
     time = "viewer.t - viewer.header.trials[0].t0"
     assert "T01   0.0 of" in tab.evaluate("viewer.headset.words.text")
     tab.evaluate("drive.press('right')")
@@ -324,7 +324,7 @@ def test_hands_play_step_stand_anew_and_leave(which: str, page: Path, browser: A
 def test_a_browser_that_enters_no_headset_says_why_and_what_to_do(
     page: Path, browser: Any, script: str, said: str
 ) -> None:
-    tab, problems = opened(browser, page, script)
+    tab, problems = open_page(browser, page, script)
     tab.wait_for_function("document.getElementById('vr-note').textContent")
     assert said in tab.inner_text("#vr-note")
     assert tab.locator("#enter-vr").is_disabled()

@@ -12,7 +12,7 @@ from visavis.stimuli.painted_outlines import MAX_CORNERS, Ints, outlines_of
 Mask = npt.NDArray[np.bool_]
 
 
-def outlined(mask: Mask, tolerance_px: float = 1.0) -> list[Ints]:
+def outlines_in(mask: Mask, tolerance_px: float = 1.0) -> list[Ints]:
     return outlines_of(unpack_runs(pack_runs(mask)), tolerance_px)
 
 
@@ -34,7 +34,7 @@ def length_px(outline: Ints) -> float:
 def test_a_rectangle_has_its_four_corners() -> None:
     mask = np.zeros((40, 60), np.bool_)
     mask[5:25, 10:50] = True
-    (outline,) = outlined(mask)
+    (outline,) = outlines_in(mask)
     assert {(10, 5), (50, 5), (50, 25), (10, 25)} == set(map(tuple, outline.tolist()))
 
 
@@ -43,7 +43,7 @@ def test_a_hole_and_a_part_of_its_own_have_outlines_of_their_own() -> None:
     mask[5:45, 5:45] = True
     mask[15:30, 15:30] = False
     mask[10:20, 60:75] = True
-    outlines = outlined(mask)
+    outlines = outlines_in(mask)
     assert 3 == len(outlines)
     assert np.array_equal(mask, within(outlines, mask.shape))
 
@@ -51,7 +51,7 @@ def test_a_hole_and_a_part_of_its_own_have_outlines_of_their_own() -> None:
 def test_pixels_that_touch_at_a_corner_are_apart() -> None:
     mask = np.zeros((30, 30), np.bool_)
     mask[:10, :10] = mask[10:20, 10:20] = mask[20:, :10] = True
-    outlines = outlined(mask)
+    outlines = outlines_in(mask)
     assert [4, 4, 4] == [len(o) for o in outlines]
     assert np.array_equal(mask, within(outlines, mask.shape))
 
@@ -59,7 +59,7 @@ def test_pixels_that_touch_at_a_corner_are_apart() -> None:
 @pytest.mark.parametrize("tolerance_px", [1.0, 3.0])
 def test_a_disc_is_outlined_within_the_tolerance_by_few_corners(tolerance_px: float) -> None:
     y, x = np.indices((200, 200))
-    (outline,) = outlined(np.hypot(x - 99.5, y - 99.5) < 80, tolerance_px)
+    (outline,) = outlines_in(np.hypot(x - 99.5, y - 99.5) < 80, tolerance_px)
     radii = np.hypot(*(outline - 100).T)
     assert np.abs(radii - 80).max() < 1.5
     assert 8 < len(outline) < 70
@@ -68,11 +68,11 @@ def test_a_disc_is_outlined_within_the_tolerance_by_few_corners(tolerance_px: fl
 
 def test_noise_and_speckles_have_no_more_corners_than_a_page_takes() -> None:
     mask = np.random.default_rng(1).random((200, 200)) < 0.6
-    outlines = outlined(mask, 1.0)
+    outlines = outlines_in(mask, 1.0)
     assert sum(map(len, outlines)) <= MAX_CORNERS
-    assert [] == outlined(np.eye(1, dtype=np.bool_))
+    assert [] == outlines_in(np.eye(1, dtype=np.bool_))
     # Without a tolerance, and few enough corners, an outline is that of the pixels.
     small = mask[:12, :12]
-    outlines = outlined(small, 0.0)
+    outlines = outlines_in(small, 0.0)
     assert sum(map(len, outlines)) <= MAX_CORNERS
     assert np.array_equal(small, within(outlines, small.shape))

@@ -97,7 +97,7 @@ def view(
         )
     trial_id = trial[0] if trial else ""
     serve = _serving(config, is_lan=lan) if headset else None
-    with _folder_of_page(is_left=serve is None or output is not None) as folder:
+    with _folder_of_page(is_temporary=serve is not None and output is None) as folder:
         if participants:
             place = folder_of(session_path, config, "view")
             sessions = _sessions_with(place, participants, trial_id)
@@ -130,9 +130,9 @@ def view(
 
 
 @contextmanager
-def _folder_of_page(*, is_left: bool) -> Iterator[Path]:
+def _folder_of_page(*, is_temporary: bool) -> Iterator[Path]:
     """Yield where a page without a name of its own is written: here, or where nothing is left."""
-    if is_left:
+    if not is_temporary:
         yield Path()
         return
     let_signals_interrupt()

@@ -152,18 +152,18 @@ def _areas(showing: Showing, t_ns: Sequence[int], bundle: Bundle) -> Iterator[di
     for one in showing.areas:
         for k, area in enumerate(one.areas):
             is_still = isinstance(one, PlacedAreas) and not area.keys
-            painted = _painted(area, max(one.size_px)) if area.pixels else []
+            outlines = _outlines(area, max(one.size_px)) if area.pixels else []
             course = []
             for t in t_ns[:1] if is_still else t_ns:
                 now = one.areas_now(t)[k]
-                corners = np.concatenate(painted) if painted else _corners(now or area.first())
+                corners = np.concatenate(outlines) if outlines else _corners(now or area.first())
                 places = _places_m(one, corners, t)
                 course.append(np.full(places.shape, np.nan) if now is None else places)
             content = {"name": area.name, "corners": _course(bundle, course)}
-            yield content | ({"outlines": list(map(len, painted))} if painted else {})
+            yield content | ({"outlines": list(map(len, outlines))} if outlines else {})
 
 
-def _painted(area: Area, side_px: int) -> list[Vector]:
+def _outlines(area: Area, side_px: int) -> list[Vector]:
     """Return the outlines of painted pixels of a picture, as exact as the page has the picture; of
     pixels too few for one its middle.
     """

@@ -40,17 +40,17 @@ class Headset {
 
   async enter() {
     const {viewer} = this, {gl} = viewer.drawing;
-    let entered;
-    try { entered = await openHeadset(() => gl); } catch (problem) { $('vr-note').textContent = `The headset was not entered: ${problem.message}`; return; }
-    const {session, space} = entered;
-    Object.assign(this, {session, space, layer: drawIn(session, gl), isWorn: true, stand: null, trial: null, ahead: null, held: new Map(), panelMs: -1e9});
+    let entry;
+    try { entry = await openHeadset(() => gl); } catch (problem) { $('vr-note').textContent = `The headset was not entered: ${problem.message}`; return; }
+    const {session, space} = entry;
+    Object.assign(this, {session, space, layer: drawIn(session, gl), isWorn: true, stand: null, trial: null, ahead: null, beyond: new Map(), panelMs: -1e9});
     viewer.last = 0;
     $('enter-vr').disabled = true;
     $('vr-note').textContent = 'in the headset';
     session.addEventListener('selectstart', () => viewer.play());
     session.addEventListener('visibilitychange', () => { if (session.visibilityState !== 'visible') viewer.play(false); });
     space.addEventListener('reset', () => { this.stand = null; });
-    session.addEventListener('end', () => this.left());
+    session.addEventListener('end', () => this.toPage());
     const onFrame = (time, frame) => {
       if (!this.isWorn) return;
       session.requestAnimationFrame(onFrame);
@@ -59,7 +59,7 @@ class Headset {
     session.requestAnimationFrame(onFrame);
   }
 
-  left() {
+  toPage() {
     const {viewer} = this;
     this.isWorn = false;
     viewer.play(false);
@@ -82,9 +82,9 @@ class Headset {
 
   // Do something once when a stick or button goes beyond its limit, and again only after it came back.
   once(name, value = 0, act) {
-    const isHeld = this.held.get(name) || false, isBeyond = Math.abs(value) > (isHeld ? STICK.off : STICK.on);
-    this.held.set(name, isBeyond);
-    if (isBeyond && !isHeld) act(Math.sign(value));
+    const wasBeyond = this.beyond.get(name) || false, isBeyond = Math.abs(value) > (wasBeyond ? STICK.off : STICK.on);
+    this.beyond.set(name, isBeyond);
+    if (isBeyond && !wasBeyond) act(Math.sign(value));
   }
 
   step(sign) { this.viewer.step(sign); this.stand = null; }
@@ -100,7 +100,7 @@ class Headset {
     const trial = viewer.trialAt(viewer.t), {position: p, orientation} = pose.transform, at = [p.x, p.y, p.z];
     if (!this.stand || trial && trial !== this.trial && this.isOutside(at)) this.stand = this.place(pose.transform);
     this.trial = trial || this.trial;
-    const scene = viewer.posed(), light = viewer.lightOf(scene), isOutside = this.isOutside(at);
+    const scene = viewer.sceneNow(), light = viewer.lightOf(scene), isOutside = this.isOutside(at);
     const own = this.stand.toWorld(at), towards = sub(this.stand.toWorld(add(at, rotated(orientation, [0, 0, -1]))), own);
     const turn = turnOf(Math.atan2(-towards[0], -towards[2]), Math.asin(Math.max(-1, Math.min(1, towards[1]))));
     const things = viewer.show.gaze ? viewer.seen.flatMap(one => this.gazeOf(one, own)) : [];

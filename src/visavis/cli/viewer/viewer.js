@@ -223,7 +223,7 @@ class Viewer {
     const quick = this.quick = this.drawing.slow && startMs - this.moveMs < REST_MS;
     const stage = $('stage'), ratio = this.scale * Math.min(2, window.devicePixelRatio || 1);
     const width = Math.max(2, Math.round(stage.clientWidth * ratio)), height = Math.max(2, Math.round(stage.clientHeight * ratio));
-    const scene = this.posed(), t = this.t;
+    const scene = this.sceneNow(), t = this.t;
     const view = this.view(scene, width, height), light = this.lightOf(scene);
     const share = quick ? this.share() : 1, wide = Math.round(width * share), high = Math.round(height * share);
     this.timed = quick;
@@ -238,7 +238,7 @@ class Viewer {
   }
 
   // What was there at this moment; null where nothing was, or it is still being loaded.
-  posed() {
+  sceneNow() {
     const scene = this.sceneAt(this.t);
     if (scene) scene.pose(this.t);
     else this.session.load(this.trialAt(this.t), problem => { this.problem = problem; this.line.take(this.seen); this.dirty = true; });
