@@ -11,6 +11,7 @@ from hypothesis import settings
 from platformdirs import user_cache_path
 
 from tests import tiers
+from tests.commands import COMMANDS
 from tests.store import STORE
 
 # Tests give processes of their own another cache folder; kernels need not be compiled again for it.
@@ -62,6 +63,13 @@ def shared_sessions(
     base = tmp_path_factory.getbasetemp()
     is_worker = hasattr(request.config, "workerinput")
     STORE.folder = (base.parent if is_worker else base) / "sessions"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def server_of_commands() -> Iterator[None]:
+    """End the process that forks commands, where a test has needed it."""
+    yield
+    COMMANDS.close()
 
 
 @pytest.fixture

@@ -18,6 +18,7 @@ from typing import Any, Final
 
 import pytest
 
+from tests.commands import COMMANDS
 from tests.store import STORE
 
 LIMIT_S: Final = 2.0
@@ -78,8 +79,8 @@ def complaint(cost_s: float, is_marked_slow: bool) -> str:
 
 
 def _processor_s() -> float:
-    """Return the processor time of this process and of the child processes that ended."""
-    return sum(os.times()[:4])
+    """Return the processor time of this process, of its children and of commands that ended."""
+    return sum(os.times()[:4]) + COMMANDS.spent_s
 
 
 class _Compiling:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.commands import COMMANDS
 from tests.devices.test_add_a_device_page import ROOT, package
 from tests.sessions import STUDIES
 from visavis.lab.config_files import EXAMPLE
@@ -51,12 +52,10 @@ def here(package):
 
 def said(folder, *arguments):
     path = os.pathsep.join((str(folder), str(ROOT)))
-    done = subprocess.run(
-        [sys.executable, "-m", "visavis.cli.main", *arguments],
+    done = COMMANDS.run(
+        *["-m", "visavis.cli.main", *arguments],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
         timeout=280,
     )
     assert done.returncode == 0, done.stdout + done.stderr

@@ -3,11 +3,11 @@
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from tests.commands import COMMANDS
 from tests.faults.sessions import CONFIG, REPOSITORY
 from visavis.experiments.crowd.design import CONDITIONS, HAPTIC
 from visavis.recording.folder import study_dir
@@ -35,11 +35,8 @@ main()
 def visavis(folder: Path, *arguments: str, kill_after: int = 0) -> subprocess.CompletedProcess[str]:
     """Run the command line; a positive `kill_after` ends the process after so many trial rows."""
     begin = ["-c", KILLED_AFTER, str(kill_after)] if kill_after else ["-m", "visavis.cli.main"]
-    return subprocess.run(
-        [sys.executable, *begin, *arguments, "--config", str(folder / "lab_config.yaml")],
-        capture_output=True,
-        text=True,
-        check=False,
+    return COMMANDS.run(
+        *[*begin, *arguments, "--config", str(folder / "lab_config.yaml")],
         cwd=REPOSITORY,
         env={**os.environ, "COLUMNS": "200"},
     )

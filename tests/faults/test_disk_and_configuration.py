@@ -2,7 +2,6 @@ import errno
 import os
 import re
 import subprocess
-import sys
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from tests.commands import COMMANDS
 from tests.faults.sessions import (
     CONFIG,
     REPOSITORY,
@@ -41,11 +41,8 @@ HEADSET = """  headset:
 
 
 def visavis(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "visavis.cli.main", *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
+    return COMMANDS.run(
+        *["-m", "visavis.cli.main", *arguments],
         cwd=cwd,
         env={**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200", **environment},
     )

@@ -1,9 +1,9 @@
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.commands import COMMANDS, ROOT
 
 KILLS = {"stare": 30, "crowd": 10, "waving": 10}
 
@@ -15,13 +15,7 @@ def test_killed_sessions_lose_nothing_and_end_as_uninterrupted_ones(
 ) -> None:
     kills = KILLS[study]
     command = ["-m", "benchmarks.kill_resume", "--study", study, "--kills", str(kills), "--json"]
-    done = subprocess.run(
-        [sys.executable, *command, "--output", str(tmp_path)],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=Path(__file__).resolve().parent.parent.parent,
-    )
+    done = COMMANDS.run(*command, "--output", str(tmp_path), cwd=ROOT)
 
     assert "" == done.stderr
     outcome = json.loads(done.stdout)[study]

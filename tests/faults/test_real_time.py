@@ -1,13 +1,13 @@
 import os
 import signal
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.commands import COMMANDS, Running
 from tests.faults.sessions import CONFIG, REPOSITORY, events, findings, lab, request
 from tests.sessions import SHORT_STARE
 from visavis.devices.sim.pupil.capture import PupilCoreSimulator
@@ -97,15 +97,15 @@ def test_a_signal_leaves_an_aborted_session_that_resume_completes(
     tmp_path: Path, sent: signal.Signals
 ) -> None:
     (tmp_path / "lab_config.yaml").write_text(CONFIG.read_text("utf-8"), "utf-8")
-    command = [sys.executable, "-m", "visavis.cli.main"]
-    where = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": str(REPOSITORY)}}
-    running = subprocess.Popen(
-        [*command, "run", "stare", "--participant", "07", *SHORT_STARE],
+    command = ["-m", "visavis.cli.main"]
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+    running = COMMANDS.start(
+        *[*command, "run", "stare", "--participant", "07", *SHORT_STARE],
+        cwd=tmp_path,
+        env=environment,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        text=True,
-        **where,
     )
     wait_for(tmp_path, "*/*/stare/sub-*/ses-001/part-01/frames.arrows", running)
     running.send_signal(sent)
@@ -117,18 +117,13 @@ def test_a_signal_leaves_an_aborted_session_that_resume_completes(
     assert f"visavis resume {session}" in complaint.replace("\n", "")
     assert "aborted" == Recording(session).status
 
-    resumed = subprocess.run(
-        [*command, "resume", str(session), "--fast"],
-        capture_output=True,
-        text=True,
-        check=False,
-        **where,
-    )
+    resume = [*command, "resume", str(session), "--fast"]
+    resumed = COMMANDS.run(*resume, cwd=tmp_path, env=environment)
     assert 0 == resumed.returncode, resumed.stderr
     assert "complete" == Recording(session).status
 
 
-def wait_for(folder: Path, pattern: str, process: subprocess.Popen[str]) -> None:
+def wait_for(folder: Path, pattern: str, process: Running) -> None:
     """Return once a file that matches holds data; the test's own time limit ends it."""
     clock = SystemClock()
     while not any(p.stat().st_size > 20_000 for p in folder.glob(pattern)):

@@ -2,11 +2,10 @@
 
 import json
 import os
-import subprocess
-import sys
 
 import pytest
 
+from tests.commands import COMMANDS, ROOT
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 
@@ -21,13 +20,9 @@ def counts() -> Counts:
         Renderer(quality=LIGHTEST).close()
     except StageError as problem:
         pytest.skip(str(problem))
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.stage.gl_counts"],
-        env={**os.environ, "GALLIUM_NOOP": "1", "LIBGL_ALWAYS_SOFTWARE": "1"},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    softly = {**os.environ, "GALLIUM_NOOP": "1", "LIBGL_ALWAYS_SOFTWARE": "1"}
+    done = COMMANDS.run("-m", "tests.stage.gl_counts", cwd=ROOT, env=softly)
+    assert 0 == done.returncode, done.stderr
     found: Counts = json.loads(done.stdout)
     return found
 

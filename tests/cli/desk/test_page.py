@@ -6,7 +6,6 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,6 +17,7 @@ import pytest
 
 from tests.cli.desk.test_link import Glancing, seen
 from tests.cli.test_operator_screen import STATUS
+from tests.commands import COMMANDS, Running
 from tests.faults.sessions import lab
 from visavis.cli.desk import server as desk_server
 from visavis.cli.desk.link import About, SessionLink
@@ -397,19 +397,18 @@ def test_everything_fits_at_every_width(
         assert min(h for h in heights if h) >= 44  # a finger's width, WCAG 2.5.5
 
 
-def started(root: Path, *arguments: str) -> "subprocess.Popen[str]":
-    return subprocess.Popen(
-        [sys.executable, "-u", "-m", "visavis.cli.main", *arguments],
+def started(root: Path, *arguments: str) -> Running:
+    return COMMANDS.start(
+        *["-u", "-m", "visavis.cli.main", *arguments],
         cwd=root,
         env=os.environ
         | {"XDG_CACHE_HOME": str(root / "cache"), "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200"},
-        text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
     )
 
 
-def address_told(process: "subprocess.Popen[str]") -> str:
+def address_told(process: Running) -> str:
     assert process.stdout is not None
     said = []
     for line in process.stdout:

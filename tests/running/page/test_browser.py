@@ -7,7 +7,6 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 import pytest
 
 from benchmarks.page_faults.browser_kills import Chromium
+from tests.commands import COMMANDS, Running
 from tests.running.page.pages import STUDY
 from visavis.lab.clock import StopWatch
 from visavis.lab.config_files import EXAMPLE
@@ -41,7 +41,7 @@ class Server:
     """`visavis run --on browser` in a process of its own."""
 
     root: Path
-    process: "subprocess.Popen[str] | None" = None
+    process: Running | None = None
     lines: list[str] = field(default_factory=list)
 
     def start(self, *arguments: str) -> str:
@@ -51,11 +51,10 @@ class Server:
             "PYTHONPATH": str(REPOSITORY),
             "COLUMNS": "200",
         }
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "visavis.cli.main", *arguments, "--devices", "sim"],
+        self.process = COMMANDS.start(
+            *["-m", "visavis.cli.main", *arguments, "--devices", "sim"],
             cwd=self.root,
             env=environment,
-            text=True,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
         )

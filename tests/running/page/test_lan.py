@@ -5,9 +5,9 @@ import http.client
 import json
 import os
 import re
+import signal
 import ssl
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime, timedelta
@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.commands import COMMANDS, Running
 from tests.running.page.test_serving import COMMAND, STUDY
 from visavis.cli.way_in import Way
 from visavis.lab.clock import SystemClock
@@ -125,16 +126,15 @@ def test_a_plain_address_of_a_network_is_no_safe_one(public: str, is_insecure: b
 
 
 @contextmanager
-def serving(root: Path, *options: str) -> Iterator[tuple[list[str], "subprocess.Popen[str]"]]:
+def serving(root: Path, *options: str) -> Iterator[tuple[list[str], Running]]:
     """Serve a study; give what was printed until the board's address, and the server."""
     (root / "many.py").write_text(STUDY, encoding="utf-8")
     (root / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
-    server = subprocess.Popen(
-        [*COMMAND, "serve", "./many.py", "--port", "0", "--devices", "sim", *options],
+    server = COMMANDS.start(
+        *[*COMMAND, "serve", "./many.py", "--port", "0", "--devices", "sim", *options],
         cwd=root,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )
     assert server.stdout is not None
@@ -146,7 +146,7 @@ def serving(root: Path, *options: str) -> Iterator[tuple[list[str], "subprocess.
                 break
         yield lines, server
     finally:
-        server.terminate()
+        server.send_signal(signal.SIGTERM)
         said, _ = server.communicate(timeout=60)
         lines += said.splitlines()
 
@@ -208,13 +208,7 @@ def test_where_no_certificate_can_be_made_the_ways_out_are_told(tmp_path: Path) 
     (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
     without = "import sys; sys.modules['cryptography'] = None; from visavis.cli.main import main"
     arguments = ["serve", "./many.py", "--devices", "sim", "--lan", "--host", "localhost"]
-    told = subprocess.run(
-        [sys.executable, "-c", f"{without}; main()", *arguments],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    told = COMMANDS.run("-c", f"{without}; main()", *arguments, cwd=tmp_path, timeout=60)
     said = " ".join((told.stdout + told.stderr).split())
     assert 0 != told.returncode
     for way_out in ("visavis[lan]", "--certificate", "adb reverse"):

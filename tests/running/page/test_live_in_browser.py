@@ -7,13 +7,13 @@ import os
 import re
 import signal
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.commands import COMMANDS
 from tests.running.page.test_browser import (
     PATIENCE_S,
     REPOSITORY,
@@ -267,11 +267,10 @@ def test_a_page_to_play_with_shows_what_sliders_make(tmp_path: Path, browser: An
     (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
     environment = os.environ | {"BROWSER": "true", "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200"}
     arguments = ["blend", "--page", "--examples", "set_a", "--weights", "march=1"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "visavis.cli.main", *arguments],
+    process = COMMANDS.start(
+        *["-m", "visavis.cli.main", *arguments],
         cwd=tmp_path,
         env=environment,
-        text=True,
         stdout=subprocess.PIPE,
     )
     try:

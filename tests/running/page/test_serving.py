@@ -4,13 +4,13 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import urllib.request
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.commands import COMMANDS, Running
 from visavis.recording.reader import Recording
 from visavis.running.page.server import KEY
 
@@ -25,16 +25,15 @@ study = Study("many", factors=[Factor("place", [1, 2, 3, 4])], on="browser", use
 def trial(t):
     yield t.ask(Rating("answer", 1, 9))
 """
-COMMAND = [sys.executable, "-c", "from visavis.cli.main import main; main()"]
+COMMAND = ["-c", "from visavis.cli.main import main; main()"]
 
 
-def begun(root: Path, port: str = "0") -> tuple[subprocess.Popen[str], str]:
+def begun(root: Path, port: str = "0") -> tuple[Running, str]:
     """Begin a server; return it with its address."""
-    server = subprocess.Popen(
-        [*COMMAND, "serve", "./many.py", "--port", port, "--devices", "sim"],
+    server = COMMANDS.start(
+        *[*COMMAND, "serve", "./many.py", "--port", port, "--devices", "sim"],
         cwd=root,
         stdout=subprocess.PIPE,
-        text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )
     assert server.stdout is not None
@@ -85,7 +84,7 @@ def answered(base: str, key: str, steps: int) -> dict[str, Any]:
 
 def test_a_killed_server_goes_on_at_the_same_step(tmp_path: Path) -> None:
     (tmp_path / "many.py").write_text(STUDY, encoding="utf-8")
-    subprocess.run([*COMMAND, "init"], cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    assert 0 == COMMANDS.run(*COMMAND, "init", cwd=tmp_path).returncode
     server, base = begun(tmp_path)
     try:
         key = post(base, "/api/arrive", {"parameters": {}})["key"]
@@ -112,7 +111,7 @@ def test_who_began_goes_on_where_a_study_now_needs_what_no_page_has_and_nobody_n
     tmp_path: Path,
 ) -> None:
     (tmp_path / "many.py").write_text(STUDY, encoding="utf-8")
-    subprocess.run([*COMMAND, "init"], cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    assert 0 == COMMANDS.run(*COMMAND, "init", cwd=tmp_path).returncode
     server, base = begun(tmp_path)
     try:
         key = post(base, "/api/arrive", {"parameters": {}})["key"]
@@ -140,12 +139,7 @@ def test_an_address_at_which_nobody_could_come_is_refused(
     tmp_path: Path, given: tuple[str, str], said: str
 ) -> None:
     (tmp_path / "many.py").write_text(STUDY, "utf-8")
-    told = subprocess.run(
-        [*COMMAND, "serve", "./many.py", "--devices", "sim", *given],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    arguments = ["serve", "./many.py", "--devices", "sim", *given]
+    told = COMMANDS.run(*COMMAND, *arguments, cwd=tmp_path, timeout=60)
     assert 0 != told.returncode
     assert said in told.stdout + told.stderr

@@ -1,0 +1,161 @@
+"""Forks the commands that tests start (tests/commands.py): what they import is imported once.
+
+`python -m tests.command_server DESCRIPTOR`, of a socket through which requests come: a byte each,
+with the descriptors of a command's stdin, stdout, stderr and of a socket of its own. There the
+command says its process id and reads a line about what to run; there the server says how it ended.
+The server imports and loads code, runs nothing, and ends with its socket.
+"""
+
+import gc
+import importlib
+import io
+import json
+import os
+import runpy
+import select
+import signal
+import socket
+import sys
+from types import FrameType, ModuleType
+from typing import Any, Final
+
+MODULES: Final = (
+    "matplotlib.figure",
+    "scipy.optimize",
+    "scipy.spatial.transform",
+    "scipy.stats",
+    "pyarrow.parquet",
+    "visavis.analysis.session_check",
+    "visavis.running.page.server",
+    "visavis.running.scripts",
+    "visavis.running.sessions.perform",
+    "visavis.running.sessions.studies",
+    "visavis.stage.renderer",
+)
+"""What most commands import. Nothing that looks at a terminal as it is imported, so no command."""
+
+
+def main() -> None:
+    """Serve until the socket is closed; in a forked process run its command and return."""
+    control = socket.socket(fileno=int(sys.argv[1]))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal's whole group
+    _load()
+    given = _serve(control)
+    if given is not None:
+        _perform(given)
+
+
+def _load() -> None:
+    for name in MODULES:
+        importlib.import_module(name)
+    from visavis.running.sessions.simulation import KERNEL_LIST, make_ready
+
+    for line in KERNEL_LIST.read_text("utf-8").splitlines():
+        if not line.startswith("#"):
+            make_ready(line.split(" ", 3)[3])
+    gc.collect()
+    gc.freeze()  # so that no collection in a command copies what all share
+
+
+def _serve(control: socket.socket) -> list[int] | None:
+    """Fork a process for every request; return its descriptors there, nothing at the end here."""
+    heard, waking = os.pipe()
+    for end in (heard, waking):
+        os.set_blocking(end, False)
+    signal.set_wakeup_fd(waking)
+    signal.signal(signal.SIGCHLD, _wake)
+    running: dict[int, socket.socket] = {}
+    while True:
+        ready, _, _ = select.select([control, heard], [], [])
+        if heard in ready:
+            os.read(heard, 4096)
+            _say_ends(running)
+        if control not in ready:
+            continue
+        request, given, _, _ = socket.recv_fds(control, 1, 4)
+        if not request:
+            return None
+        pid = os.fork()
+        if not pid:
+            signal.set_wakeup_fd(-1)
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            for other in (control, *running.values()):
+                other.close()
+            os.close(heard)
+            os.close(waking)
+            return given
+        for end in given[:3]:
+            os.close(end)
+        running[pid] = socket.socket(fileno=given[3])
+
+
+def _wake(number: int, frame: FrameType | None) -> None:
+    """Do nothing: with a handler, a child's end is written to the pipe."""
+
+
+def _say_ends(running: dict[int, socket.socket]) -> None:
+    """Say of every process that has ended how it did and what it took, children included."""
+    while running:
+        pid, status, usage = os.wait4(-1, os.WNOHANG)
+        if not pid:
+            return
+        end = {"code": os.waitstatus_to_exitcode(status), "s": usage.ru_utime + usage.ru_stime}
+        with running.pop(pid) as own:
+            try:
+                own.sendall(json.dumps(end).encode())
+            except OSError:
+                continue  # nobody waits for it
+
+
+def _perform(given: list[int]) -> None:
+    """Run the command that the process's own socket tells of, as a new process would."""
+    with socket.socket(fileno=given[3]) as own, own.makefile("rb") as lines:
+        own.sendall(f"{os.getpid()}\n".encode())
+        asked: dict[str, Any] = json.loads(lines.readline())
+    for standard, end in enumerate(given[:3]):
+        os.dup2(end, standard)
+        os.close(end)
+    os.chdir(asked["cwd"])
+    os.environ.clear()
+    os.environ.update(asked["env"])
+    sys.modules["numpy"].random.seed()
+    arguments: list[str] = asked["arguments"]
+    sys.orig_argv[:] = [sys.executable, *arguments]
+    is_unbuffered = arguments[0] == "-u" or bool(os.environ.get("PYTHONUNBUFFERED"))
+    _open_streams(is_unbuffered=is_unbuffered)
+    way, what, *words = arguments[1:] if arguments[0] == "-u" else arguments
+    path = os.environ.get("PYTHONPATH", "")
+    sys.path[:1] = [os.getcwd() if way == "-m" else "", *filter(None, path.split(os.pathsep))]
+    for name in [one for one in sys.modules if one.partition(".")[0] == "tests"]:
+        del sys.modules[name]
+    importlib.invalidate_caches()
+    sys.argv[:] = [way, *words]
+    if way == "-m":
+        runpy.run_module(what, run_name="__main__", alter_sys=True)
+    else:
+        module = ModuleType("__main__")
+        sys.modules["__main__"] = module
+        exec(compile(what, "<string>", "exec"), vars(module))  # noqa: S102 - as python -c does
+
+
+def _open_streams(*, is_unbuffered: bool) -> None:
+    """Open stdin, stdout and stderr as Python does at its start."""
+    sys.stdin = sys.__stdin__ = _opened(0, sys.stdin, "r", is_unbuffered=False)
+    sys.stdout = sys.__stdout__ = _opened(1, sys.stdout, "w", is_unbuffered=is_unbuffered)
+    sys.stderr = sys.__stderr__ = _opened(2, sys.stderr, "w", is_unbuffered=is_unbuffered)
+
+
+def _opened(standard: int, like: Any, mode: str, *, is_unbuffered: bool) -> io.TextIOWrapper:
+    raw: Any = open(standard, f"{mode}b", 0 if is_unbuffered else -1, closefd=False)
+    return io.TextIOWrapper(
+        raw,
+        like.encoding,
+        like.errors,
+        line_buffering=standard == 2 or os.isatty(standard),
+        write_through=is_unbuffered,
+    )
+
+
+if __name__ == "__main__":
+    main()
