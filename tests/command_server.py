@@ -26,8 +26,15 @@ MODULES: Final = (
     "scipy.stats",
     "pyarrow.parquet",
     "visavis.analysis.session_check",
+    "visavis.devices.drivers.pupil.wiring",
+    "visavis.devices.sim.body.wiring",
+    "visavis.results.figures.study_figures",
+    "visavis.results.report.study_report",
+    "visavis.running.page.seen_trial",
     "visavis.running.page.server",
     "visavis.running.scripts",
+    "visavis.running.sessions.folder_check",
+    "visavis.running.sessions.next_session",
     "visavis.running.sessions.perform",
     "visavis.running.sessions.studies",
     "visavis.stage.renderer",
@@ -141,20 +148,18 @@ def _perform(given: list[int]) -> None:
 
 def _open_streams(*, is_unbuffered: bool) -> None:
     """Open stdin, stdout and stderr as Python does at its start."""
-    sys.stdin = sys.__stdin__ = _opened(0, sys.stdin, "r", is_unbuffered=False)
-    sys.stdout = sys.__stdout__ = _opened(1, sys.stdout, "w", is_unbuffered=is_unbuffered)
-    sys.stderr = sys.__stderr__ = _opened(2, sys.stderr, "w", is_unbuffered=is_unbuffered)
-
-
-def _opened(standard: int, like: Any, mode: str, *, is_unbuffered: bool) -> io.TextIOWrapper:
-    raw: Any = open(standard, f"{mode}b", 0 if is_unbuffered else -1, closefd=False)
-    return io.TextIOWrapper(
-        raw,
-        like.encoding,
-        like.errors,
-        line_buffering=standard == 2 or os.isatty(standard),
-        write_through=is_unbuffered,
-    )
+    for standard, name in enumerate(("stdin", "stdout", "stderr")):
+        before = getattr(sys, name)
+        is_raw = is_unbuffered and before.mode == "w"
+        file: Any = open(standard, f"{before.mode}b", 0 if is_raw else -1, closefd=False)
+        (file if is_raw else file.raw).name = before.name
+        is_by_line = not is_unbuffered and (name == "stderr" or file.isatty())
+        stream = io.TextIOWrapper(
+            file, before.encoding, before.errors, None, is_by_line, is_unbuffered
+        )
+        stream.mode = before.mode  # type: ignore[misc]
+        setattr(sys, name, stream)
+        setattr(sys, f"__{name}__", stream)
 
 
 if __name__ == "__main__":

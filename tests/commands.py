@@ -153,7 +153,7 @@ class Commands:
 
     def __init__(self) -> None:
         self.spent_s = 0.0
-        """Processor time of forked commands that have ended, in seconds."""
+        """Processor time of forked commands that have ended, in seconds, which `os.times` lacks."""
         self._server: subprocess.Popen[bytes] | None = None
         self._control: socket.socket | None = None
         self._environment: dict[str, str] = {}
@@ -224,10 +224,12 @@ class Commands:
         return subprocess.CompletedProcess(arguments, process.returncode, out, err)
 
     def close(self) -> None:
-        """End the server; what it forked goes on."""
+        """End the server, whose time is no test's; what it forked goes on."""
         if self._server is not None and self._control is not None:
+            before_s = _of_children_s()
             self._control.close()
             self._server.wait()
+            self.spent_s -= _of_children_s() - before_s
         self._server = self._control = None
 
     def _may_fork(self, environment: Mapping[str, str]) -> bool:
@@ -248,6 +250,11 @@ class Commands:
                 )
             self._control = ours
         return self._control
+
+
+def _of_children_s() -> float:
+    """Return the processor time of child processes that have ended, in seconds."""
+    return sum(os.times()[2:4])
 
 
 def _at_start(environment: Mapping[str, str]) -> dict[str, str]:

@@ -74,5 +74,5 @@ def killed_and_analysed(
     assert "1 were interrupted; their rest is simulated" in invoked(*words)
     found = folder / "out" / "simulated" / name
     assert 2 == len(read_manifest(found / "sub-S02C" / "ses-001").parts)
-    invoked("analyse", str(found))
+    invoked("analyse", str(found), "--processes=1")
     return found

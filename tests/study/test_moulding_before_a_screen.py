@@ -296,7 +296,7 @@ def test_a_study_is_planned_simulated_and_analysed_before_a_monitor(
 
     command("plan", file)
     command("simulate", file, "--participants", "5", "--processes", "1", "--output", "out")
-    command("analyse", "out/simulated/moulding_lab")
+    command("analyse", "out/simulated/moulding_lab", "--processes", "1")
     trials = pd.read_csv(next(tmp_path.rglob("trials.csv")))
     mean = trials.groupby("mood")["activeness"].mean()
     assert mean["sad"] + 0.2 < mean["happy"]

@@ -160,7 +160,7 @@ def test_a_study_in_a_room_goes_from_plan_to_report(tmp_path, monkeypatch, displ
     assert "somebody" in invoked("plan", "rooms.py")
     invoked("simulate", "rooms.py", "--participants", "4", "--output", "out", "--processes=1")
     folder = tmp_path / "out" / "simulated" / "rooms"
-    invoked("analyse", str(folder))
+    invoked("analyse", str(folder), "--processes=1")
     rows = pd.read_csv(folder / "derived" / "trials.csv").query("status == 'complete'")
     assert 16 == len(rows)
     assert (rows[["Red_lamp_001_dwell_ms", "cupboard_dwell_ms"]].sum() > 0).all()
