@@ -14,6 +14,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 NAMES_ITS_EXTRA = {
     "src/visavis/running/page/client.py": "aiohttp",
     "src/visavis/running/page/own_certificate.py": "cryptography",
+    "src/visavis/running/page/behind_code.py": "aiohttp",
     "src/visavis/running/page/playground.py": "aiohttp",
     "src/visavis/running/page/server.py": "aiohttp",
     "src/visavis/cli/desk/server.py": "aiohttp",
