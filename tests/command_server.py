@@ -19,6 +19,8 @@ import sys
 from types import FrameType, ModuleType
 from typing import Any, Final
 
+assert sys.platform != "win32", "nothing can be forked there"
+
 MODULES: Final = (
     "matplotlib.figure",
     "scipy.optimize",

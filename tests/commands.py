@@ -171,7 +171,7 @@ class Commands:
         `-u` before it or not. The rest is as for `subprocess.Popen`; streams are texts.
         """
         environment = dict(os.environ if env is None else env)
-        if not self._may_fork(environment):
+        if sys.platform == "win32" or not self._may_fork(environment):
             return subprocess.Popen(
                 [sys.executable, *arguments],
                 cwd=cwd,
@@ -234,7 +234,7 @@ class Commands:
 
     def _may_fork(self, environment: Mapping[str, str]) -> bool:
         mine = self._environment if self._server is not None else os.environ
-        return os.name == "posix" and _at_start(environment) == _at_start(mine)
+        return _at_start(environment) == _at_start(mine)
 
     def _serving(self) -> socket.socket:
         if self._control is None:

@@ -18,6 +18,7 @@ from tests.sessions import STUDIES
 from visavis.lab.config_files import EXAMPLE
 
 pytestmark = [
+    pytest.mark.slow,  # the server takes longer to start than most of the tests
     pytest.mark.skipif(os.name != "posix", reason="nothing can be forked"),
     pytest.mark.timeout(600),
 ]
