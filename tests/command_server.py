@@ -49,9 +49,9 @@ def main() -> None:
     control = socket.socket(fileno=int(sys.argv[1]))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal's whole group
     _load()
-    given = _serve(control)
-    if given is not None:
-        _perform(given)
+    descriptors = _serve(control)
+    if descriptors is not None:
+        _perform(descriptors)
 
 
 def _load() -> None:
@@ -68,21 +68,21 @@ def _load() -> None:
 
 def _serve(control: socket.socket) -> list[int] | None:
     """Fork a process for every request; return its descriptors there, nothing at the end here."""
-    heard, waking = os.pipe()
-    for end in (heard, waking):
+    signals, waking = os.pipe()
+    for end in (signals, waking):
         os.set_blocking(end, False)
     signal.set_wakeup_fd(waking)
     signal.signal(signal.SIGCHLD, _wake)
     running: dict[int, socket.socket] = {}
     while True:
-        ready, _, _ = select.select([control, heard], [], [])
-        if heard in ready:
-            os.read(heard, 4096)
+        ready, _, _ = select.select([control, signals], [], [])
+        if signals in ready:
+            os.read(signals, 4096)
             _say_ends(running)
         if control not in ready:
             continue
-        request, given, _, _ = socket.recv_fds(control, 1, 4)
-        if not request:
+        byte, descriptors, _, _ = socket.recv_fds(control, 1, 4)
+        if not byte:
             return None
         pid = os.fork()
         if not pid:
@@ -91,12 +91,12 @@ def _serve(control: socket.socket) -> list[int] | None:
             signal.signal(signal.SIGINT, signal.default_int_handler)
             for other in (control, *running.values()):
                 other.close()
-            os.close(heard)
+            os.close(signals)
             os.close(waking)
-            return given
-        for end in given[:3]:
+            return descriptors
+        for end in descriptors[:3]:
             os.close(end)
-        running[pid] = socket.socket(fileno=given[3])
+        running[pid] = socket.socket(fileno=descriptors[3])
 
 
 def _wake(number: int, frame: FrameType | None) -> None:
@@ -117,19 +117,19 @@ def _say_ends(running: dict[int, socket.socket]) -> None:
                 continue  # nobody waits for it
 
 
-def _perform(given: list[int]) -> None:
+def _perform(descriptors: list[int]) -> None:
     """Run the command that the process's own socket tells of, as a new process would."""
-    with socket.socket(fileno=given[3]) as own, own.makefile("rb") as lines:
+    with socket.socket(fileno=descriptors[3]) as own, own.makefile("rb") as lines:
         own.sendall(f"{os.getpid()}\n".encode())
-        asked: dict[str, Any] = json.loads(lines.readline())
-    for standard, end in enumerate(given[:3]):
+        request: dict[str, Any] = json.loads(lines.readline())
+    for standard, end in enumerate(descriptors[:3]):
         os.dup2(end, standard)
         os.close(end)
-    os.chdir(asked["cwd"])
+    os.chdir(request["cwd"])
     os.environ.clear()
-    os.environ.update(asked["env"])
+    os.environ.update(request["env"])
     sys.modules["numpy"].random.seed()
-    arguments: list[str] = asked["arguments"]
+    arguments: list[str] = request["arguments"]
     sys.orig_argv[:] = [sys.executable, *arguments]
     is_unbuffered = arguments[0] == "-u" or bool(os.environ.get("PYTHONUNBUFFERED"))
     _open_streams(is_unbuffered=is_unbuffered)

@@ -104,10 +104,10 @@ def test_words_folder_environment_and_streams_are_those_of_a_new_process(
     assert (7, "said\n") == (got.returncode, got.stderr)
 
 
-def said(done: subprocess.CompletedProcess[str]) -> tuple[int, str, str]:
+def outcome(process: subprocess.CompletedProcess[str]) -> tuple[int, str, str]:
     """Return how a command ended and what it said, whatever time it took."""
-    out, err = (re.sub(r"\d+:\d\d:\d\d|in \d+ s", "", s) for s in (done.stdout, done.stderr))
-    return done.returncode, out, err
+    out, err = (re.sub(r"\d+:\d\d:\d\d|in \d+ s", "", s) for s in (process.stdout, process.stderr))
+    return process.returncode, out, err
 
 
 def test_commands_say_and_write_what_new_processes_do(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_commands_say_and_write_what_new_processes_do(tmp_path: Path) -> None:
     told, written = [], []
     for run in (started, COMMANDS.run):
         lab = lab_in(tmp_path / "lab")
-        told.append([said(run(*COMMAND, *v.split(), cwd=lab, env=environment)) for v in VERBS])
+        told.append([outcome(run(*COMMAND, *v.split(), cwd=lab, env=environment)) for v in VERBS])
         written.append(digests(lab))
         shutil.rmtree(lab)
     for verb, expected, got in zip(VERBS, *told, strict=True):

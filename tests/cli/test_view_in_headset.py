@@ -46,8 +46,8 @@ BUTTON = "#enter-vr:not([disabled])"
     ],
 )
 def test_options_that_do_not_fit_a_headset_are_refused(words: list[str], problem: str) -> None:
-    done = CliRunner().invoke(app, ["view", "nothing", *words])
-    assert problem in str(done.exception)
+    result = CliRunner().invoke(app, ["view", "nothing", *words])
+    assert problem in str(result.exception)
 
 
 @pytest.mark.parametrize(
@@ -68,8 +68,8 @@ def test_a_session_in_which_nobody_stood_anywhere_is_refused(
 ) -> None:
     session = next(page.parent.glob("simulated/duel/sub-*/ses-001"))
     monkeypatch.setattr(owner, name, instead)
-    done = CliRunner().invoke(app, ["view", str(session), "--headset"])
-    assert problem in str(done.exception)
+    result = CliRunner().invoke(app, ["view", str(session), "--headset"])
+    assert problem in str(result.exception)
 
 
 def test_eyes_are_so_high_over_a_floor_as_in_recordings() -> None:
@@ -300,10 +300,10 @@ def test_hands_play_step_stand_anew_and_leave(which: str, page: Path, browser: A
     look(tab)
     assert before < tab.evaluate("viewer.trialAt(viewer.t).id")
     assert tab.evaluate("before !== viewer.headset.stand")
-    seen = tab.evaluate("viewer.frames")
+    frames = tab.evaluate("viewer.frames")
     tab.evaluate("drive.upper('right', 1)")
     tab.wait_for_function("!viewer.headset.isWorn", timeout=PATIENCE_S * 1000)
-    tab.wait_for_function(f"viewer.frames > {seen}", timeout=PATIENCE_S * 1000)
+    tab.wait_for_function(f"viewer.frames > {frames}", timeout=PATIENCE_S * 1000)
     tab.locator(BUTTON).wait_for()
     assert not problems
 
