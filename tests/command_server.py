@@ -68,21 +68,21 @@ def _load() -> None:
 
 def _serve(control: socket.socket) -> list[int] | None:
     """Fork a process for every request; return its descriptors there, nothing at the end here."""
-    signals, waking = os.pipe()
-    for end in (signals, waking):
+    wake_reader, wake_writer = os.pipe()
+    for end in (wake_reader, wake_writer):
         os.set_blocking(end, False)
-    signal.set_wakeup_fd(waking)
+    signal.set_wakeup_fd(wake_writer)
     signal.signal(signal.SIGCHLD, _wake)
     running: dict[int, socket.socket] = {}
     while True:
-        ready, _, _ = select.select([control, signals], [], [])
-        if signals in ready:
-            os.read(signals, 4096)
+        ready, _, _ = select.select([control, wake_reader], [], [])
+        if wake_reader in ready:
+            os.read(wake_reader, 4096)
             _say_ends(running)
         if control not in ready:
             continue
-        byte, descriptors, _, _ = socket.recv_fds(control, 1, 4)
-        if not byte:
+        request, descriptors, _, _ = socket.recv_fds(control, 1, 4)
+        if not request:
             return None
         pid = os.fork()
         if not pid:
@@ -91,8 +91,8 @@ def _serve(control: socket.socket) -> list[int] | None:
             signal.signal(signal.SIGINT, signal.default_int_handler)
             for other in (control, *running.values()):
                 other.close()
-            os.close(signals)
-            os.close(waking)
+            os.close(wake_reader)
+            os.close(wake_writer)
             return descriptors
         for end in descriptors[:3]:
             os.close(end)
@@ -121,15 +121,15 @@ def _perform(descriptors: list[int]) -> None:
     """Run the command that the process's own socket tells of, as a new process would."""
     with socket.socket(fileno=descriptors[3]) as own, own.makefile("rb") as lines:
         own.sendall(f"{os.getpid()}\n".encode())
-        request: dict[str, Any] = json.loads(lines.readline())
+        what_to_run: dict[str, Any] = json.loads(lines.readline())
     for standard, end in enumerate(descriptors[:3]):
         os.dup2(end, standard)
         os.close(end)
-    os.chdir(request["cwd"])
+    os.chdir(what_to_run["cwd"])
     os.environ.clear()
-    os.environ.update(request["env"])
+    os.environ.update(what_to_run["env"])
     sys.modules["numpy"].random.seed()
-    arguments: list[str] = request["arguments"]
+    arguments: list[str] = what_to_run["arguments"]
     sys.orig_argv[:] = [sys.executable, *arguments]
     is_unbuffered = arguments[0] == "-u" or bool(os.environ.get("PYTHONUNBUFFERED"))
     _open_streams(is_unbuffered=is_unbuffered)

@@ -27,7 +27,7 @@ FREE: Final = ("PYTHONPATH", "PYTHONUNBUFFERED")
 """Those that a forked command obeys all the same."""
 
 
-class Running(Protocol):
+class RunningCommand(Protocol):
     """A process as `subprocess.Popen` shows it."""
 
     pid: int
@@ -52,7 +52,7 @@ class Running(Protocol):
         """End it at once."""
 
 
-class Forked:
+class ForkedCommand:
     """A command that the server forked.
 
     Attributes are those of `subprocess.Popen`, with texts as streams.
@@ -63,12 +63,12 @@ class Forked:
         self.stdin, self.stdout, self.stderr = streams
         self.returncode: int | None = None
         self._readers: list[_Reader] = []
-        said = b""
-        while not said.endswith(b"\n"):
+        message = b""
+        while not message.endswith(b"\n"):
             more = own.recv(1)
             assert more, "the server of commands has ended"
-            said += more
-        self.pid = int(said)
+            message += more
+        self.pid = int(message)
 
     def poll(self) -> int | None:
         """Return its exit code; None while it runs."""
@@ -89,7 +89,7 @@ class Forked:
         """Read what it says until it has ended; return stdout and stderr.
 
         Raises:
-            subprocess.TimeoutExpired: as `wait`; what it said comes with the next call.
+            subprocess.TimeoutExpired: as `wait`; what it says comes with the next call.
         """
         if not self._readers:
             self._readers = [_Reader(stream) for stream in (self.stdout, self.stderr)]
@@ -112,9 +112,9 @@ class Forked:
     def _ended(self, timeout_s: float | None) -> int | None:
         if self.returncode is None and select.select([self._own], [], [], timeout_s)[0]:
             with self._own:
-                said = b"".join(iter(lambda: self._own.recv(4096), b""))
-            assert said, "the server of commands has ended"
-            end = json.loads(said)
+                message = b"".join(iter(lambda: self._own.recv(4096), b""))
+            assert message, "the server of commands has ended"
+            end = json.loads(message)
             self.returncode = end["code"]
             self._owner.spent_s += end["s"]
         return self.returncode
@@ -166,7 +166,7 @@ class Commands:
         stdin: int | None = None,
         stdout: int | None = None,
         stderr: int | None = None,
-    ) -> Running:
+    ) -> RunningCommand:
         """Start what `python` with these arguments would: `-m MODULE …` or `-c PROGRAM …`, with
         `-u` before it or not. The rest is as for `subprocess.Popen`; streams are texts.
         """
@@ -190,7 +190,7 @@ class Commands:
         with contextlib.ExitStack() as stack:
             stack.callback(theirs.close)
             streams, ends = zip(
-                *(_stream(number, asked, stack) for number, asked in enumerate((stdin, stdout))),
+                *(_stream(number, target, stack) for number, target in enumerate((stdin, stdout))),
                 strict=True,
             )
             if stderr == subprocess.STDOUT:
@@ -199,9 +199,9 @@ class Commands:
                 last, end = _stream(2, stderr, stack)
                 streams, ends = (*streams, last), (*ends, end)
             socket.send_fds(self._serving(), [b"1"], [*ends, theirs.fileno()])
-        forked = Forked(ours, streams, self)
+        command = ForkedCommand(ours, streams, self)
         ours.sendall(json.dumps(request).encode() + b"\n")
-        return forked
+        return command
 
     def run(
         self,
@@ -263,17 +263,17 @@ def _at_start(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 def _stream(
-    number: int, asked: int | None, stack: contextlib.ExitStack
+    number: int, target: int | None, stack: contextlib.ExitStack
 ) -> tuple[IO[str] | None, int]:
     """Return our end of a standard stream, if any, and the command's, which `stack` closes."""
-    if asked is None:
+    if target is None:
         return None, number
-    if asked == subprocess.DEVNULL:
+    if target == subprocess.DEVNULL:
         end = os.open(os.devnull, os.O_RDWR)
         stack.callback(os.close, end)
         return None, end
-    if asked != subprocess.PIPE:
-        return None, asked
+    if target != subprocess.PIPE:
+        return None, target
     read, write = os.pipe()
     ours, theirs = (write, read) if number == 0 else (read, write)
     stack.callback(os.close, theirs)

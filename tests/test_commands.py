@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands import COMMANDS, Commands, Forked
+from tests.commands import COMMANDS, Commands, ForkedCommand
 from tests.sessions import STUDIES
 from visavis.lab.config_files import EXAMPLE
 
@@ -52,7 +52,7 @@ CHANGING = re.compile(
 """The time of day, and checks over a text with it."""
 
 
-def started(
+def run_new(
     *arguments: str, cwd: Path, env: Mapping[str, str] | None = None
 ) -> subprocess.CompletedProcess[str]:
     """Run a new process, as `Commands.run` runs a forked one."""
@@ -97,30 +97,32 @@ def test_words_folder_environment_and_streams_are_those_of_a_new_process(
     more = {"OWN": "grüße", "PYTHONPATH": str(tmp_path / "more"), "PYTHONUNBUFFERED": ""}
     environment = {**os.environ, **more}
     arguments = [*before, way, what, "--word", "a b"]
-    expected = started(*arguments, cwd=tmp_path, env=environment)
+    expected = run_new(*arguments, cwd=tmp_path, env=environment)
     got = COMMANDS.run(*arguments, cwd=tmp_path, env=environment)
     assert json.loads(expected.stdout) == json.loads(got.stdout)
     assert (7, "said\n") == (expected.returncode, expected.stderr)
     assert (7, "said\n") == (got.returncode, got.stderr)
 
 
-def outcome(process: subprocess.CompletedProcess[str]) -> tuple[int, str, str]:
+def output_of(done: subprocess.CompletedProcess[str]) -> tuple[int, str, str]:
     """Return how a command ended and what it said, whatever time it took."""
-    out, err = (re.sub(r"\d+:\d\d:\d\d|in \d+ s", "", s) for s in (process.stdout, process.stderr))
-    return process.returncode, out, err
+    out, err = (re.sub(r"\d+:\d\d:\d\d|in \d+ s", "", s) for s in (done.stdout, done.stderr))
+    return done.returncode, out, err
 
 
 def test_commands_say_and_write_what_new_processes_do(tmp_path: Path) -> None:
     environment = {**os.environ, "COLUMNS": "200"}
-    told, written = [], []
-    for run in (started, COMMANDS.run):
+    outputs, files = [], []
+    for run in (run_new, COMMANDS.run):
         lab = lab_in(tmp_path / "lab")
-        told.append([outcome(run(*COMMAND, *v.split(), cwd=lab, env=environment)) for v in VERBS])
-        written.append(digests(lab))
+        outputs.append(
+            [output_of(run(*COMMAND, *v.split(), cwd=lab, env=environment)) for v in VERBS]
+        )
+        files.append(digests(lab))
         shutil.rmtree(lab)
-    for verb, expected, got in zip(VERBS, *told, strict=True):
+    for verb, expected, got in zip(VERBS, *outputs, strict=True):
         assert expected == got, verb
-    assert written[0] == written[1]
+    assert files[0] == files[1]
 
 
 def test_nothing_of_the_commands_or_of_the_tests_is_there_before_they_import_it() -> None:
@@ -147,21 +149,21 @@ def test_signals_reach_the_command_and_end_it_as_a_new_process(number: int) -> N
         new.send_signal(number)
         expected = new.wait(60)
     pipe = subprocess.PIPE
-    forked = COMMANDS.start("-c", program, stdout=pipe, stderr=subprocess.DEVNULL)
-    assert forked.stdout is not None
-    assert "ready\n" == forked.stdout.readline()
-    assert forked.poll() is None
-    forked.send_signal(number)
-    assert expected == forked.wait(60) == forked.returncode
-    forked.send_signal(number)  # nobody is there any more
-    assert ("", None) == forked.communicate()
+    command = COMMANDS.start("-c", program, stdout=pipe, stderr=subprocess.DEVNULL)
+    assert command.stdout is not None
+    assert "ready\n" == command.stdout.readline()
+    assert command.poll() is None
+    command.send_signal(number)
+    assert expected == command.wait(60) == command.returncode
+    command.send_signal(number)  # nobody is there any more
+    assert ("", None) == command.communicate()
 
 
 def test_streams_are_joined_and_fed(tmp_path: Path) -> None:
     program = "import sys; print(input(), flush=True); print('b', file=sys.stderr)"
     pipe = subprocess.PIPE
     with COMMANDS.start("-c", program, stdin=pipe, stdout=pipe, stderr=subprocess.STDOUT) as one:
-        assert isinstance(one, Forked)
+        assert isinstance(one, ForkedCommand)
         assert one.stdin is not None
         one.stdin.write("a\n")
         assert ("a\nb\n", None) == one.communicate(timeout=60)
@@ -171,11 +173,11 @@ def test_streams_are_joined_and_fed(tmp_path: Path) -> None:
 def test_a_command_that_goes_on_is_waited_for_no_longer_than_asked() -> None:
     program = "import sys; print('here', flush=True); sys.stdin.read()"
     pipe = subprocess.PIPE
-    forked = COMMANDS.start("-c", program, stdin=pipe, stdout=pipe)
+    command = COMMANDS.start("-c", program, stdin=pipe, stdout=pipe)
     with pytest.raises(subprocess.TimeoutExpired):
-        forked.wait(0.05)
-    assert ("here\n", None) == forked.communicate(timeout=60)  # whose stdin is closed now
-    assert 0 == forked.returncode
+        command.wait(0.05)
+    assert ("here\n", None) == command.communicate(timeout=60)  # whose stdin is closed now
+    assert 0 == command.returncode
 
 
 def test_what_a_command_took_counts_once_it_has_ended() -> None:
@@ -197,15 +199,15 @@ def test_an_environment_that_python_reads_as_it_starts_takes_a_new_process() -> 
 
 def test_what_was_forked_outlives_its_server_whose_time_is_no_tests() -> None:
     commands, pipe = Commands(), subprocess.PIPE
-    forked = commands.start("-c", "print(input())", stdin=pipe, stdout=pipe)
+    command = commands.start("-c", "print(input())", stdin=pipe, stdout=pipe)
     before_s = sum(os.times()[2:4]) + commands.spent_s
     commands.close()
     assert before_s == pytest.approx(sum(os.times()[2:4]) + commands.spent_s)
-    assert forked.stdin is not None
-    forked.stdin.write("on\n")
-    forked.stdin.close()
-    assert forked.stdout is not None
-    assert "on\n" == forked.stdout.read()
-    forked.stdout.close()
+    assert command.stdin is not None
+    command.stdin.write("on\n")
+    command.stdin.close()
+    assert command.stdout is not None
+    assert "on\n" == command.stdout.read()
+    command.stdout.close()
     with pytest.raises(AssertionError, match="the server of commands has ended"):
-        forked.wait(60)
+        command.wait(60)

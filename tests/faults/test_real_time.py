@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.commands import COMMANDS, Running
+from tests.commands import COMMANDS, RunningCommand
 from tests.faults.sessions import CONFIG, REPOSITORY, events, findings, lab, request
 from tests.sessions import SHORT_STARE
 from visavis.devices.sim.pupil.capture import PupilCoreSimulator
@@ -123,7 +123,7 @@ def test_a_signal_leaves_an_aborted_session_that_resume_completes(
     assert "complete" == Recording(session).status
 
 
-def wait_for(folder: Path, pattern: str, process: Running) -> None:
+def wait_for(folder: Path, pattern: str, process: RunningCommand) -> None:
     """Return once a file that matches holds data; the test's own time limit ends it."""
     clock = SystemClock()
     while not any(p.stat().st_size > 20_000 for p in folder.glob(pattern)):

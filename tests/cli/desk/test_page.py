@@ -17,7 +17,7 @@ import pytest
 
 from tests.cli.desk.test_link import Glancing, seen
 from tests.cli.test_operator_screen import STATUS
-from tests.commands import COMMANDS, Running
+from tests.commands import COMMANDS, RunningCommand
 from tests.faults.sessions import lab
 from visavis.cli.desk import server as desk_server
 from visavis.cli.desk.link import About, SessionLink
@@ -397,7 +397,7 @@ def test_everything_fits_at_every_width(
         assert min(h for h in heights if h) >= 44  # a finger's width, WCAG 2.5.5
 
 
-def started(root: Path, *arguments: str) -> Running:
+def started(root: Path, *arguments: str) -> RunningCommand:
     return COMMANDS.start(
         *["-u", "-m", "visavis.cli.main", *arguments],
         cwd=root,
@@ -408,7 +408,7 @@ def started(root: Path, *arguments: str) -> Running:
     )
 
 
-def address_told(process: Running) -> str:
+def address_told(process: RunningCommand) -> str:
     assert process.stdout is not None
     said = []
     for line in process.stdout:

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from benchmarks.page_faults.browser_kills import Chromium
-from tests.commands import COMMANDS, Running
+from tests.commands import COMMANDS, RunningCommand
 from tests.running.page.pages import STUDY
 from visavis.lab.clock import StopWatch
 from visavis.lab.config_files import EXAMPLE
@@ -41,7 +41,7 @@ class Server:
     """`visavis run --on browser` in a process of its own."""
 
     root: Path
-    process: Running | None = None
+    process: RunningCommand | None = None
     lines: list[str] = field(default_factory=list)
 
     def start(self, *arguments: str) -> str:

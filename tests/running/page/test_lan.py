@@ -16,9 +16,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands import COMMANDS, Running
+from tests.commands import COMMANDS, RunningCommand
 from tests.running.page.test_serving import COMMAND, STUDY
-from visavis.cli.way_in import Way
+from visavis.cli.commands.serving import Way
 from visavis.lab.clock import SystemClock
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import UsageError
@@ -126,7 +126,7 @@ def test_a_plain_address_of_a_network_is_no_safe_one(public: str, is_insecure: b
 
 
 @contextmanager
-def serving(root: Path, *options: str) -> Iterator[tuple[list[str], Running]]:
+def serving(root: Path, *options: str) -> Iterator[tuple[list[str], RunningCommand]]:
     """Serve a study; give what was printed until the board's address, and the server."""
     (root / "many.py").write_text(STUDY, encoding="utf-8")
     (root / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")

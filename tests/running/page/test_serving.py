@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.commands import COMMANDS, Running
+from tests.commands import COMMANDS, RunningCommand
 from visavis.recording.reader import Recording
 from visavis.running.page.server import KEY
 
@@ -28,7 +28,7 @@ def trial(t):
 COMMAND = ["-c", "from visavis.cli.main import main; main()"]
 
 
-def begun(root: Path, port: str = "0") -> tuple[Running, str]:
+def begun(root: Path, port: str = "0") -> tuple[RunningCommand, str]:
     """Begin a server; return it with its address."""
     server = COMMANDS.start(
         *[*COMMAND, "serve", "./many.py", "--port", port, "--devices", "sim"],
