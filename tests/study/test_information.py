@@ -137,7 +137,7 @@ def test_the_information_in_a_lab_names_every_event_that_any_session_may_hold(
     questionnaires = one.questionnaires(lab)
     told = information_at_devices(made, questionnaires).lines
     of_devices = {"vibrations", "body", "sounds"} | (set() if made.lives else {"moulding_in_lab"})
-    of_devices |= {"turning_in_lab"}  # of panoramas, which none of them shows
+    of_devices |= {"turning"}  # of panoramas, which none of them shows
     facts = {fact for of in LAB_EVENT_FACTS.values() for fact in of} - of_devices
     titles = ", ".join(q.title for q in questionnaires)
     assert {made.texts.get(f"recorded.{f}", {"titles": titles}) for f in facts} <= set(told)

@@ -11,7 +11,6 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose
 from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import find_study
-from visavis.running.film_store import film_store
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.areas import SurroundingAreas, areas_text
@@ -138,12 +137,6 @@ def test_what_cannot_be_is_refused_when_the_study_is_read(tmp_path, line, says):
     study = written(tmp_path, STUDY.replace(SHOWN, line))
     with pytest.raises(DesignError, match=says):
         study.experiment({})
-
-
-def test_a_page_refuses_a_panorama_by_name_with_the_way_out(tmp_path):
-    study = written(tmp_path)
-    with pytest.raises(DesignError, match=r"shows a Panorama, which no page shows; .* monitor"):
-        film_store(study.experiment({}))
 
 
 def test_how_much_was_straight_ahead_is_missing_without_a_recording():

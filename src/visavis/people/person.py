@@ -4,6 +4,7 @@ They see only the display and hear the questions. Their answers come from the st
 of what was `Seen`, or are neutral.
 """
 
+import math
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
@@ -15,7 +16,8 @@ from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
 from visavis.lab.chance import generator
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
-from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit, yaw_pitch_deg_of
+from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate, unit, yaw_pitch_deg_of
+from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.people.body import PointingHand, hand_alone, segments_of
 from visavis.people.body_kernels import POINT_S
 from visavis.people.ears import Ears
@@ -46,12 +48,12 @@ from visavis.stimuli.areas import SurroundingAreas
 from visavis.stimuli.gaze_window import WindowPlace
 from visavis.stimuli.motion.synthesis.pose_distance import Likeness, compared_joints
 from visavis.stimuli.moving_heads import agents_at
-from visavis.stimuli.panels import PanelFrame, choice_centre_m, place_m, track_01
+from visavis.stimuli.panels import PanelFrame, Surface, choice_centre_m, place_m, track_01
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.room_shape import seen_of_room
 from visavis.stimuli.scene import Scene, SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
-from visavis.stimuli.view_turns import ARROWS, MAX_PITCH_DEG, STEP_DEG
+from visavis.stimuli.view_turns import ARROWS, MAX_PITCH_DEG, STEP_DEG, ViewTurns
 from visavis.study.distances import WhenNear
 from visavis.study.gaze_on import WhenGazeOn
 from visavis.study.live import Live, LiveScene, Moulding
@@ -299,6 +301,27 @@ class StudyPerson(Observer):
             right_deg, up_deg = (float(np.degrees(np.arctan2(v, -z))) for v in (x, y))
             path.append((t_s, right_deg, up_deg))
         return path
+
+    def before_eyes(self, screen: FlatScreen) -> Surface:
+        """Return the screen of a page upright before this person's eyes."""
+        upright = Pose(self._seat, np.array([1.0, 0.0, 0.0, 0.0]))
+        return Surface(PlacedScreen(screen, upright))
+
+    def view_turns(self, seconds: float, frame_ns: int) -> ViewTurns:
+        """Return how this person turns the view onto the panorama on a page that they have just
+        seen, in the rhythm of its frames: times count from its onset.
+        """
+        turns, end_ns = ViewTurns(frame_ns), round(seconds * NS_PER_S)
+        while (press_ns := self.next_press_ns()) is not None and press_ns <= end_ns:
+            for t_ns, control, value in self.presses(press_ns):
+                taken_ns = math.ceil(t_ns / frame_ns) * frame_ns
+                if value <= 0 or not turns.press(control, taken_ns):
+                    continue
+                scene, there_ns = self._scene, turns.there_ns
+                if isinstance(scene, FlatScene) and turns.goal_deg == self._goal_deg:
+                    self._look_around(scene, self._goal_deg, there_ns)
+        self._hand.press_no_more(ARROWS)
+        return turns
 
     # ---- KeyPresser ----
 

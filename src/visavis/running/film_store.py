@@ -313,10 +313,11 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
             enter, or digits that it cannot say.
     """
     experiment.check_in_headset()
-    if any("panorama" in read.rests_on for read in experiment.read.values()):
+    if (film := next((one for one in experiment.panoramas if one.is_film), None)) is not None:
         raise DesignError(
-            f"{experiment.name} shows a Panorama, which no page shows; perform it before a monitor "
-            'or in a headset of the laboratory (on="lab"), or show a part of it as an Image'
+            f"{experiment.name} shows {film.file} all around, and a page shows a Panorama of "
+            "pictures, not of films; perform it before a monitor or in a headset of the laboratory "
+            '(on="lab"), or show a picture of it'
         )
     if any("room" in read.rests_on for read in experiment.read.values()):
         raise DesignError(

@@ -19,7 +19,7 @@ from visavis.running.picture_store import PictureStore
 from visavis.running.sound_store import SoundStore
 from visavis.stimuli.audible import Audible
 from visavis.stimuli.dressing.casting import default_casting
-from visavis.stimuli.flat import Image, Video
+from visavis.stimuli.flat import Image, Panorama, Video
 from visavis.stimuli.motion.synthesis.blend_file import packed_examples
 from visavis.stimuli.motion.synthesis.pose_distance import compared_joints
 from visavis.stimuli.picture import Room
@@ -188,17 +188,19 @@ def page_files(
     is_simulated: bool,
     pictures: PictureStore | None = None,
     sounds: SoundStore | None = None,
-) -> Callable[[Film | Live | LiveFilm | Image | Video | Audible], Mapping[str, Any]]:
+) -> Callable[[Film | Live | LiveFilm | Image | Video | Panorama | Audible], Mapping[str, Any]]:
     """Return what describes to a page whatever it shows, each thing once."""
     pictures = pictures or PictureStore((), films.study_folder)
 
     @cache
-    def describe(stimulus: Film | Live | LiveFilm | Image | Video | Audible) -> Mapping[str, Any]:
+    def describe(
+        stimulus: Film | Live | LiveFilm | Image | Video | Panorama | Audible,
+    ) -> Mapping[str, Any]:
         if isinstance(stimulus, LiveFilm):
             return lives.describe_film(stimulus, films, is_simulated=is_simulated)
         if isinstance(stimulus, Live):
             return lives.describe(stimulus, is_simulated=is_simulated)
-        if isinstance(stimulus, Image | Video):
+        if isinstance(stimulus, Image | Video | Panorama):
             return pictures.describe(stimulus, is_simulated=is_simulated)
         if isinstance(stimulus, Audible):
             assert sounds is not None  # noqa: S101 - a study that plays sounds gives them

@@ -44,6 +44,15 @@ class Turn:
         }
 
 
+def goal_after(control: str, goal_deg: tuple[float, float]) -> tuple[float, float]:
+    """Return to where an arrow key turns a view that was turning to a goal, in degrees to the right
+    and upwards.
+    """
+    right, up = ARROWS[control]
+    pitch_deg = float(np.clip(goal_deg[1] + up * STEP_DEG, -MAX_PITCH_DEG, MAX_PITCH_DEG))
+    return goal_deg[0] + right * STEP_DEG, pitch_deg
+
+
 class ViewTurns:
     """The turns of a view so far, in the rhythm of its display."""
 
@@ -51,14 +60,27 @@ class ViewTurns:
         self.frame_ns = frame_ns
         self.turns = list(turns)
 
+    @property
+    def goal_deg(self) -> tuple[float, float]:
+        """To where the view turns, or has turned."""
+        return self.turns[-1].to_deg if self.turns else (0.0, 0.0)
+
+    @property
+    def there_ns(self) -> int:
+        """When the display shows the view at its goal."""
+        if not self.turns:
+            return 0
+        last = self.turns[-1]
+        way_deg = float(np.linalg.norm(np.subtract(last.to_deg, last.from_deg)))
+        frames = np.ceil(way_deg / SPEED_DEG_PER_S * NS_PER_S / self.frame_ns)
+        return last.since_ns + int(frames) * self.frame_ns
+
     def press(self, control: str, t_ns: int) -> bool:
         """Take a key in the frame of a time; tell whether it turns the view."""
         if control not in ARROWS:
             return False
-        (right, up), goal = ARROWS[control], self.turns[-1].to_deg if self.turns else (0.0, 0.0)
-        pitch_deg = float(np.clip(goal[1] + up * STEP_DEG, -MAX_PITCH_DEG, MAX_PITCH_DEG))
-        to_deg = goal[0] + right * STEP_DEG, pitch_deg
-        if to_deg == goal:
+        to_deg = goal_after(control, self.goal_deg)
+        if to_deg == self.goal_deg:
             return False
         self.turns.append(Turn(t_ns, self.at(t_ns), to_deg))
         return True

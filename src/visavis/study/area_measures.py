@@ -224,7 +224,7 @@ def transitions(
 def view_range(scene: str = "stimulus", *, prefix: str = "") -> Measure:
     """Return how much of a panorama was straight ahead, `view_range_deg`: from the farthest to the
     left to the farthest to the right, 360 at most. In a headset the head turns, before a monitor
-    arrow keys turn the view. Missing without a recording, as in power's quick path.
+    or on a page arrow keys turn the view. Missing without a recording, as in power's quick path.
     """
     return Measure(
         f"{prefix}view_range_deg",
@@ -241,12 +241,18 @@ def _range_ahead(record: TrialRecord, scene: str) -> float | None:
     around = next((one for one in sheets if isinstance(one, SurroundingAreas)), None)
     if window is None or around is None or record.recording is None:
         return None
-    head = record.stream("head", *window)
-    t_ns = head["t_host_ns"][head["valid"]]
+    ahead = np.array([0.0, 0.0, -1.0])
+    if record.recording.manifest.configuration.get("on") == "browser":
+        # A page knows of no head: it is taken to be at rest in every frame.
+        t_ns = np.arange(*window, max(around.turns.frame_ns, NS_PER_MS))
+        direction = np.broadcast_to(ahead, (len(t_ns), 3))
+    else:
+        head = record.stream("head", *window)
+        t_ns = head["t_host_ns"][head["valid"]]
+        direction = rotate(head["orientation_wxyz"][head["valid"]].astype(np.float64), ahead)
     if not len(t_ns):
         return None
-    turn = head["orientation_wxyz"][head["valid"]].astype(np.float64)
-    x, _ = around.pixels_met(rotate(turn, np.array([0.0, 0.0, -1.0])), t_ns)
+    x, _ = around.pixels_met(direction, t_ns)
     yaw_deg = np.unwrap(360.0 * x / around.size_px[0], period=360.0)
     return min(360.0, float(np.ptp(yaw_deg)))
 

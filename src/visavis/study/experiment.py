@@ -19,7 +19,7 @@ from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial
 from visavis.protocol.plan.steps import Plan
 from visavis.protocol.session.boards import DwellRule, Ways
 from visavis.stimuli.audible import Audible
-from visavis.stimuli.flat import Flat, Image, Video
+from visavis.stimuli.flat import Flat, Image, Panorama, Video
 from visavis.stimuli.gaze_window import GAZE_WINDOW
 from visavis.stimuli.scene import Scene as StageScene
 from visavis.stimuli.scene import SceneFrame
@@ -222,6 +222,19 @@ class StudyExperiment:
         scenes = (s for t in self.read.values() for s in t.scenes if s.name == FLAT)
         return tuple(dict.fromkeys(item for s in scenes for item in s.options["items"]))
 
+    @cached_property
+    def panoramas(self) -> tuple[Panorama, ...]:
+        """Every panorama that a condition shows, each once."""
+        scenes = (s for t in self.read.values() for s in t.scenes if "panorama" in s.options)
+        return tuple(dict.fromkeys(scene.options["panorama"] for scene in scenes))
+
+    @property
+    def fills_screen(self) -> bool:
+        """Whether a condition shows flat stimuli, or a panorama: on a page the size of its screen
+        counts.
+        """
+        return bool(self.flats or self.panoramas)
+
     @property
     def pictures(self) -> tuple[Image, ...]:
         """One picture of every file that a condition shows."""
@@ -316,6 +329,11 @@ class StudyExperiment:
             yield (
                 "it shows films, which are watched on the flat page; leave xr out, or show live "
                 "figures (t.watch(LiveScene(…))), which are another stimulus"
+            )
+        if self.panoramas:
+            yield (
+                "it shows a Panorama, which pages show on the screen; leave xr out, or perform it "
+                'in a headset of the laboratory (on="lab")'
             )
         if self.flats:
             yield "t.show is for a screen; leave xr out, or show live figures"

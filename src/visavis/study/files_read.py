@@ -37,8 +37,7 @@ def _files(experiment: StudyExperiment) -> Iterator[Path]:
             yield from _paths_in(folder, row.values())
     yield from _paths_in(folder, experiment.parameters.values())
     scenes = [scene for trial in reads for scene in trial.scenes]
-    panoramas = (scene.options["panorama"] for scene in scenes if "panorama" in scene.options)
-    for picture in (*experiment.flats, *panoramas):
+    for picture in (*experiment.flats, *experiment.panoramas):
         yield from _paths_in(folder, vars(picture).values())
         if areas := getattr(picture, "areas", ""):
             yield from _of_areas(folder / areas)

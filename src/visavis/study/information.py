@@ -60,11 +60,12 @@ EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
     "questionnaire_complete": ("questionnaires",),
     "films_drawn": (),
     "films_loaded": ("films",),
-    "shown": ("films",),
+    "shown": ("flats",),
     "screen_measured": ("card",),
     "sound": ("sounds",),
     "sound_checked": ("voice",),
     "pointer_window": ("pointer",),
+    VIEW_TURNED: ("turning",),
     "headset_entered": ("headset",),
     "discomfort": ("headset",),
     "wave": (),
@@ -132,7 +133,7 @@ LAB_EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
     "own_body_seen": ("stature",),
     "answered": ("answers_in_lab",),
     **dict.fromkeys((SLIDER_MOVED, FIGURE_TURNED), ("moulding_in_lab",)),
-    VIEW_TURNED: ("turning_in_lab",),
+    VIEW_TURNED: ("turning",),
     "panel_answered": ("answers_in_lab",),
     "panel_shown": ("shown",),
     "sound": ("sounds",),
@@ -195,13 +196,14 @@ def information_on_page(
     facts += ["holding"] if experiment.settings.held_answers else []
     facts += ["films"] if experiment.films or experiment.videos else []
     facts += ["moulding"] if experiment.lives else []
-    facts += ["flats"] if experiment.flats else []
+    facts += ["flats"] if experiment.fills_screen else []
+    facts += ["turning"] if experiment.panoramas else []
     facts += ["sounds"] if experiment.audibles else []
     streams = experiment.headset_streams
     facts += ["headset", *(STREAM_FACTS[name] for name in streams)] if streams else []
     facts += ["pointer"] if any("pointer" in t.rests_on for t in experiment.read.values()) else []
-    facts += ["card"] if "card" in screening or experiment.flats else []
-    facts += ["distance"] if experiment.flats else []
+    facts += ["card"] if "card" in screening or experiment.fills_screen else []
+    facts += ["distance"] if experiment.fills_screen else []
     facts += ["voice"] if "sound" in screening else []
     facts += ["questionnaires"] if questionnaires else []
     facts += ["browser", "screen", "panel"]
@@ -215,8 +217,7 @@ def information_at_devices(
     roles = ("headset", *experiment.needed_roles, *experiment.useful_roles, "responses")
     facts = ["answers_in_lab", "course_in_lab", "stature"]
     facts += ["moulding_in_lab"] if experiment.lives else []
-    has_panorama = any("panorama" in read.rests_on for read in experiment.read.values())
-    facts += ["turning_in_lab"] if has_panorama else []
+    facts += ["turning"] if experiment.panoramas else []
     others = []
     for role in dict.fromkeys(roles):
         if role.startswith(ARMBAND):
@@ -263,6 +264,7 @@ def facts_in_event(name: str, payload: Mapping[str, Any]) -> frozenset[str]:
         facts |= {"flats"} if "parts" in reply else set()
         facts |= {"sounds"} if any("sound" in p for p in reply.get("parts", ())) else set()
         facts |= {"pointer"} if any("pointer" in p for p in reply.get("parts", ())) else set()
+        facts |= {"turning"} if any("turns" in p for p in reply.get("parts", ())) else set()
         facts |= {"card"} if "px_per_mm" in reply else set()
         facts |= {"distance"} if "distance_mm" in reply or "screen" in reply else set()
         return frozenset(facts)

@@ -115,7 +115,8 @@ class LitTrial:
             self._film_pictures = FilmPictures(staged_scene.films, since_ns)
             self._film_pictures.note(view.t_ns)
         self.row.setdefault("t_start_ns", view.t_ns)
-        yield Mark("shown", _payload(self.trial, name, showing.scene, staged_scene, before.t_ns))
+        about = shown_event(self.trial.trial_id, name, showing.scene, staged_scene, before.t_ns)
+        yield Mark("shown", about)
         return name, staged_scene, view
 
     def _begin_sounds(self, showing: Showing, name: str) -> Performing:
@@ -366,12 +367,13 @@ class LitTrial:
         return name if count == 1 else f"{name}{count}"
 
 
-def _payload(
-    trial: Trial, name: str, scene: Scene, staged_scene: StagedScene, start_ns: int
+def shown_event(
+    trial_id: str, name: str, scene: Scene, staged_scene: StagedScene, start_ns: int
 ) -> dict[str, Scalar | None]:
+    """Return what the event "shown" says of a scene, whose columns begin with a name."""
     areas, flat = getattr(staged_scene, "areas", ()), staged_scene.scene
     return {
-        "trial_id": trial.trial_id,
+        "trial_id": trial_id,
         "name": name,
         **({"areas": areas_text(areas)} if areas else {}),
         **(_movement(flat) if isinstance(flat, FlatScene) else {}),

@@ -278,9 +278,11 @@ class TrialScript(HeardTrial):
         name = name or ("stimulus" if is_flat else "scene")
         seconds = shown_seconds(seconds, frames, keys, until)
         wide_deg = 0.0 if window is None or follows_gaze else window.window_deg
-        if wide_deg and any(isinstance(flat, Dots | Video) for flat in flats):
+        moves = panorama is not None or any(isinstance(flat, Dots | Video) for flat in flats)
+        if wide_deg and moves:
             raise DesignError(
-                't.show: reveal="pointer" uncovers what stands still; dots and films move'
+                't.show: reveal="pointer" uncovers what stands still; dots, films and the view '
+                "onto a Panorama move"
             )
         showing = Showing(scene, seconds, frames, name, is_flat, wide_deg, sounds)
         if keys is not None:
@@ -289,8 +291,7 @@ class TrialScript(HeardTrial):
             stop = None if isinstance(until, Keys) else until
             perform = partial(self._show_exactly if is_flat else self._show, showing, stop)
         lasts_s = min(seconds, 0.0 if keys is None else keys.limit_s) if keys else seconds
-        is_of_page = is_flat and panorama is None and (until is None or keys is not None)
-        is_of_page &= not follows_gaze
+        is_of_page = is_flat and (until is None or keys is not None) and not follows_gaze
         of_page = showing if is_of_page else None
         return Action(
             "show",

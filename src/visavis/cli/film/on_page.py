@@ -14,14 +14,16 @@ from visavis.cli.recorded_trial import factors_of, trial_row
 from visavis.lab.clock import NS_PER_S
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy
-from visavis.running.film_store import FilmStore, film_drawing
+from visavis.running.film_store import Draw, FilmStore, film_drawing
 from visavis.running.page.seen_trial import Question, SeenPart, SeenStep, seen_trial
 from visavis.stage.movie import open_movie, picture_times_ns
 from visavis.stimuli.dots import step_at
-from visavis.stimuli.dressing.flat import box_px, reader_of, size_deg
+from visavis.stimuli.dressing.flat import AT_REST, box_px, reader_of, size_deg
+from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.flat import Dots, Video, picture_path
 from visavis.stimuli.flat_pixels import moving_pixels, pixels_of
-from visavis.stimuli.picture import Picture
+from visavis.stimuli.picture import Camera, Picture
+from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.text_font import font_for
 from visavis.study.films import Film
 
@@ -39,8 +41,8 @@ class FilmPictures:
     still there, else drawn as it was.
     """
 
-    def __init__(self, store: FilmStore, height_px: int, image: Callable[..., Pixels]) -> None:
-        self.store, self._height_px, self._image = store, height_px, image
+    def __init__(self, store: FilmStore, height_px: int, draw: Draw) -> None:
+        self.store, self._height_px, self.draw = store, height_px, draw
         self._scenes: dict[Film, list[Picture]] = {}
         self._pixels_by_frame: dict[tuple[Film, int], Pixels] = {}
 
@@ -57,7 +59,7 @@ class FilmPictures:
                 self._scenes[film] = list(self.store.pictures(film))
             if film in self._scenes:
                 picture, camera = self._scenes[film][k], self.store.cameras(film)[k]
-                self._pixels_by_frame[film, k] = self._image(picture, camera, self.size_px(film))
+                self._pixels_by_frame[film, k] = self.draw(picture, camera, self.size_px(film))
         return self._pixels_by_frame[film, k]
 
     def _decoded(self, film: Film) -> bool:
@@ -161,7 +163,7 @@ def page_picture(
     if step is None:
         return np.asarray(page)
     if step.parts:
-        return np.asarray(_flat_page(step.parts, t_ns, size_px))
+        return np.asarray(_flat_page(step.parts, t_ns, films.draw, size_px))
     pen = ImageDraw.Draw(page)
     size = max(11, height // 28)
     font = font_for(step.caption, size)
@@ -183,7 +185,9 @@ def page_picture(
     return np.asarray(page)
 
 
-def _flat_page(parts: Sequence[SeenPart], t_ns: int, size_px: tuple[int, int]) -> Image.Image:
+def _flat_page(
+    parts: Sequence[SeenPart], t_ns: int, draw: Draw, size_px: tuple[int, int]
+) -> Image.Image:
     """Return the flat stimuli that were lit at a time: the page made small, its bars dark."""
     page = Image.new("RGB", size_px)
     part = next((p for p in parts if p.on_ns <= t_ns < p.off_ns), None)
@@ -194,6 +198,8 @@ def _flat_page(parts: Sequence[SeenPart], t_ns: int, size_px: tuple[int, int]) -
     wide, high = round(seen.width_px * share), round(seen.height_px * share)
     screen = replace(seen, width_px=wide, height_px=high)
     small = Image.new("RGB", (wide, high), part.scene.background_srgb)
+    if part.scene.panorama is not None:
+        small = Image.fromarray(_around(part, t_ns, draw, (wide, high)))
     for item in part.scene.items:
         box = box_px(item.at_deg, size_deg(item, part.scene), screen)
         size = (box[2] - box[0], box[3] - box[1])
@@ -209,6 +215,16 @@ def _flat_page(parts: Sequence[SeenPart], t_ns: int, size_px: tuple[int, int]) -
         small.paste(pixels, box[:2], pixels)
     page.paste(small, ((size_px[0] - wide) // 2, (size_px[1] - high) // 2))
     return page
+
+
+def _around(part: SeenPart, t_ns: int, draw: Draw, size_px: tuple[int, int]) -> Pixels:
+    """Return what a page showed of a panorama, through it as through a window, at a time."""
+    eye = part.screen.view_from(AT_REST.position_m)
+    alone = replace(part.scene, items=(), names=())
+    edges = eye.tangent_left, eye.tangent_right, eye.tangent_bottom, eye.tangent_top
+    nobody = np.zeros((0, 3)), np.zeros(0)
+    frame = SceneFrame(alone, t_ns, *nobody, turned_deg=part.scene.turns.at(t_ns))
+    return draw(picture_of(frame), Camera(AT_REST, *edges), size_px)
 
 
 def _draw_question(

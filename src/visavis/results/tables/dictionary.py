@@ -91,7 +91,7 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
     if table is not None:
         for name in table.columns:
             columns.setdefault(name, Column(name, "", f"{name.replace('_', ' ')} of {table.file}"))
-    columns |= {c.name: c for c in PAGE_COLUMNS} if experiment.flats else {}
+    columns |= {c.name: c for c in PAGE_COLUMNS} if experiment.fills_screen else {}
     lives = dict.fromkeys(name for t in experiment.read.values() for name in t.lives)
     columns |= live_columns(lives)
     if experiment.study.procedure.xr != "never":

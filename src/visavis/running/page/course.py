@@ -215,7 +215,7 @@ def course(visit: Visit) -> Course:
             yield Event("consent", {"version": consent.version, "agreed": has_consented})
             if not has_consented:
                 return DECLINED
-        is_flat = bool(experiment.flats)
+        is_flat = experiment.fills_screen
         if is_flat or "card" in experiment.study.procedure.screening:
             asks = {"usual_distance_mm": USUAL_DISTANCE_MM} if is_flat else {}
             reply = yield from _step(PageStep("card", {"card_mm": CARD_MM, **asks}))
@@ -230,7 +230,8 @@ def course(visit: Visit) -> Course:
         parts = [part for live in lives for part in (live, *live.get("people", ()))]
         files = [part[name] for part in parts for name in ASSETS if name in part]
         assets = [*{file["name"]: file for file in files}.values()]  # each once
-        pictures = [visit.files(picture) for picture in experiment.pictures]
+        images = (*experiment.pictures, *experiment.panoramas)
+        pictures = [visit.files(picture) for picture in images]
         sounds = [visit.files(sound) for sound in experiment.audibles]
         if films or lives or pictures or sounds:
             more = {"assets": assets} if assets else {}

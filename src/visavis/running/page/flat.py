@@ -7,17 +7,26 @@ shown, each for some `seconds` or `frames`, or until the key, which is timed fro
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, Final, get_args
 
 import numpy as np
 
+from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose
 from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.protocol.plan.steps import Mark
+from visavis.running.page.panorama import (
+    check_turns,
+    frame_ms_of,
+    panorama_on_page,
+    read_panorama,
+    read_turns_of_part,
+)
 from visavis.running.page.steps import (
     WAYS,
     FilmPlayback,
@@ -33,12 +42,14 @@ from visavis.stimuli.areas import areas_text
 from visavis.stimuli.audible import Audible, Sound, Tone
 from visavis.stimuli.flat import Dots, Flat, Grating, Image, Shape, Text, Video, rgb_of
 from visavis.stimuli.panels import Surface
-from visavis.stimuli.scenes.flat import FlatScene
+from visavis.stimuli.scenes.flat import DRESSED_BY, FlatScene
+from visavis.stimuli.view_turns import VIEW_TURNED, Turn, ViewTurns
 from visavis.study.actions import Action
 from visavis.study.area_measures import POINTER_WINDOW
 from visavis.study.dry_run import still_view
+from visavis.study.lit_trial import shown_event
 from visavis.study.responses import Keys
-from visavis.study.scenes import FLAT, areas_of
+from visavis.study.scenes import FLAT, Scene, StagedFlat, areas_of
 from visavis.study.showing import BLUR_OF_WINDOW, sound_columns
 
 MAX_PARTS: Final = 1000
@@ -119,16 +130,19 @@ class ComingScene:
 
 @dataclass(frozen=True)
 class _Part:
-    """What is shown at one time, and the prefix of its columns ("" where it has none)."""
+    """What is shown at one time, and the prefix of its columns ("" where it has none); `declared`
+    is the scene that the study gave.
+    """
 
     content: Mapping[str, Any]
     name: str = ""
     scene: ComingScene | None = None
+    declared: Scene | None = None
 
     @property
     def is_heard_alone(self) -> bool:
         """Whether there is nothing to see; times then run from the onset of the sound."""
-        return bool(self.content.get("sounds")) and not self.content["items"]
+        return bool(self.content.get("sounds")) and not is_seen(self.content)
 
     @property
     def is_limited(self) -> bool:
@@ -157,12 +171,14 @@ class Sequence:
             content["sounds"] = [sound_on_page(one, files) for one in showing.sounds]
         if "names" in options:
             content["names"] = list(options["names"])
+        if "panorama" in options:
+            content["panorama"] = panorama_on_page(options["panorama"], files)
         if showing.window_deg:
             blur_deg = showing.window_deg * BLUR_OF_WINDOW
             content["reveal"] = {"window_deg": showing.window_deg, "blur_deg": blur_deg}
         if isinstance(action.response, Keys) and showing.seconds >= action.response.limit_s:
             content["seconds"] = None  # until the key, or its limit
-        self.parts.append(_Part(content, name, scene))
+        self.parts.append(_Part(content, name, scene, showing.scene))
         return scene
 
     def add_dark(self, seconds: float | None) -> None:
@@ -191,6 +207,11 @@ class Sequence:
                 "question": keys.name,
             }
         return PageStep("show", content)
+
+
+def is_seen(part: Mapping[str, Any]) -> bool:
+    """Tell whether there is something to see in a part of a step."""
+    return bool(part["items"]) or "panorama" in part
 
 
 def colour_on_page(colour: Any) -> str:
@@ -236,11 +257,13 @@ def flat_scene(part: Mapping[str, Any], folder: Path) -> FlatScene:
     return FlatScene(
         name=FLAT,
         agents=(),
+        dressed_by=DRESSED_BY,
         items=tuple(read_item(item) for item in part["items"]),
         background_srgb=rgb_of(part["background"]),
         folder=folder,
         names=tuple(part.get("names", ())),
         sounds=tuple(map(read_sound_item, part.get("sounds", ()))),
+        panorama=read_panorama(part["panorama"]) if "panorama" in part else None,
     )
 
 
@@ -311,7 +334,9 @@ def films_of_part(part: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def of_part_unseen(part: Mapping[str, Any], at_ms: float = 0.0, seconds: float = 0.0) -> Any:
-    """Return what a page would say of a part's sounds and films that nobody heard and saw."""
+    """Return what a page would say of a part's sounds, films, window and view, which nobody heard,
+    saw and turned.
+    """
     films = [
         {
             "first_ms": at_ms,
@@ -323,7 +348,9 @@ def of_part_unseen(part: Mapping[str, Any], at_ms: float = 0.0, seconds: float =
         for film in films_of_part(part)
     ]
     sound = {"sound": {**SILENT, "on_ms": at_ms}} if part.get("sounds") else {}
-    return sound | ({"films": films} if films else {})
+    moved = {"pointer": []} if "reveal" in part else {}
+    turned = {"turns": []} if "panorama" in part else {}
+    return sound | ({"films": films} if films else {}) | moved | turned
 
 
 def _read_sound_onset(content: Any) -> SoundOnset:
@@ -349,6 +376,20 @@ def read_screen(content: Any) -> PageScreen:
     number(read.px_per_mm, "px_per_mm")
     check_distance(read.distance_mm)
     return read
+
+
+def screen_of(content: Mapping[str, Any], usual_view_px: tuple[int, int] = (0, 0)) -> FlatScreen:
+    """Return the screen that a page was, from its reply: as large as its window, which is usual
+    where it did not say.
+    """
+    page, (wide, high) = read_screen(content.get("screen")), content.get("view_px", usual_view_px)
+    m_per_px = 1 / (1000 * page.px_per_mm)
+    return FlatScreen(wide * m_per_px, high * m_per_px, wide, high, page.distance_mm / 1000)
+
+
+def before_eyes(screen: FlatScreen) -> Surface:
+    """Return a page's screen where it stands: upright before eyes that are at the origin."""
+    return Surface(PlacedScreen(screen, Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))))
 
 
 def check_distance(distance_mm: Any) -> None:
@@ -391,6 +432,10 @@ def check_shown(step: PageStep, content: Mapping[str, Any]) -> None:
         if "reveal" in asked_part:
             read_path(part)
             _check_view(content.get("view_px"))
+        if "panorama" in asked_part:
+            frame_ms_of(content)
+            _check_view(content.get("view_px"))
+    check_turns(step.content["parts"], content["parts"])
     answer = content.get("answer")
     if answer is None:
         return
@@ -421,20 +466,12 @@ def pointer_events(sequence: Sequence, reply: Reply, folder: Path, trial_id: str
     """Yield what is recorded of every part that was seen through a window after the pointer: where
     that was, and where the areas of interest were, on the page's screen.
     """
-    parts = list(zip(sequence.parts, reply.content["parts"], strict=False))
-    for k, (part, light) in enumerate(parts):
-        if not part.name or "reveal" not in part.content:
+    for part, lights in _with_what_stayed(sequence, reply):
+        if "reveal" not in part.content:
             continue
-        rows = read_path(light)
-        for later, more in parts[k + 1 :]:  # what `t.wait` left there
-            if not later.content.get("goes_on"):
-                break
-            rows += read_path(more)
+        rows = [row for light in lights for row in read_path(light)]
         screen, (wide, high) = read_screen(reply.content.get("screen")), reply.content["view_px"]
-        size_m = (wide / screen.px_per_mm / 1000, high / screen.px_per_mm / 1000)
-        flat = FlatScreen(*size_m, wide, high, screen.distance_mm / 1000)
-        at = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-        surface = Surface(PlacedScreen(flat, at))
+        surface = before_eyes(screen_of(reply.content))
         areas = areas_of(replace(flat_scene(part.content, folder), surface=surface))
         path = [(reply.t_ns_of(ms), round(x, 1), round(y, 1)) for ms, x, y in rows]
         yield Mark(
@@ -451,6 +488,48 @@ def pointer_events(sequence: Sequence, reply: Reply, folder: Path, trial_id: str
                 "areas": areas_text(areas),
             },
         )
+
+
+def panorama_events(
+    sequence: Sequence, reply: Reply, folder: Path, trial_id: str
+) -> Iterator[Mark]:
+    """Yield what is recorded of every panorama, as before a monitor: how it stood before the screen
+    of the page, and every turn of the view.
+    """
+    for part, lights in _with_what_stayed(sequence, reply):
+        if "panorama" not in part.content or part.declared is None:
+            continue
+        on_ns = reply.t_ns_of(number(lights[0]["on_ms"], "on_ms"))
+        surface = before_eyes(screen_of(reply.content))
+        scene = replace(flat_scene(part.content, folder), surface=surface, moves_since_ns=on_ns)
+        staged = StagedFlat(scene, areas=areas_of(scene))
+        yield Mark("shown", shown_event(trial_id, part.name, part.declared, staged, on_ns))
+        turns = view_turns(lights, reply)
+        for turn in turns.turns:
+            about = {"trial_id": trial_id, "name": part.name}
+            yield Mark(VIEW_TURNED, about | turn.as_event(turns.frame_ns))
+
+
+def view_turns(lights: Iterable[Mapping[str, Any]], reply: Reply) -> ViewTurns:
+    """Return how the view turned while a page showed a panorama, in session time; `lights` are what
+    it says of the parts that did.
+    """
+    turns = [turn for light in lights for turn in read_turns_of_part(light)]
+    frame_ns = round(frame_ms_of(reply.content) * NS_PER_MS)
+    return ViewTurns(frame_ns, [Turn(reply.t_ns_of(t.at_ms), t.from_deg, t.to_deg) for t in turns])
+
+
+def _with_what_stayed(
+    sequence: Sequence, reply: Reply
+) -> Iterator[tuple[_Part, list[Mapping[str, Any]]]]:
+    """Yield every part that has columns, and what a page says of its light: of its own, and of what
+    `t.wait` left there.
+    """
+    parts = list(zip(sequence.parts, reply.content["parts"], strict=False))
+    for k, (part, light) in enumerate(parts):
+        if part.name:
+            later = takewhile(lambda one: one[0].content.get("goes_on"), parts[k + 1 :])
+            yield part, [light, *(more for _, more in later)]
 
 
 def sound_events(sequence: Sequence, reply: Reply, trial_id: str) -> Iterator[Mark]:
@@ -520,7 +599,7 @@ def shown_columns(sequence: Sequence, reply: Reply) -> dict[str, Any]:
         if part.scene is not None:
             on_ns, off_ns = row[f"{part.name}_on_ns"], row[f"{part.name}_off_ns"]
             part.scene.__dict__.update(on_ns=on_ns, off_ns=off_ns, ms=(off_ns - on_ns) / 1e6)
-    if not any(part.content["items"] for part in sequence.parts):
+    if not any(is_seen(part.content) for part in sequence.parts):
         return row
     row |= {
         "px_per_deg": round(screen.px_per_deg, 3),

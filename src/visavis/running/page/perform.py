@@ -369,6 +369,6 @@ def about_of(experiment: StudyExperiment, simulated: bool, contact: str) -> dict
         "contact": contact,
         "is_simulated": simulated,
         "mime": "" if not experiment.films else SOUND_MIME if experiment.voices else MIME,
-        **({"draws": True} if experiment.lives else {}),
+        **({"draws": True} if experiment.lives or experiment.panoramas else {}),
         **({} if xr == "never" else {"xr": xr}),
     }

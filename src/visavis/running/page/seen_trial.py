@@ -16,7 +16,7 @@ from visavis.recording.page_clock import PageClocks
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.running.film_store import FilmStore, film_store
-from visavis.running.page.flat import flat_scene, read_lit, read_screen
+from visavis.running.page.flat import before_eyes, flat_scene, read_lit, screen_of, view_turns
 from visavis.running.page.steps import PageError, PageStep, Reply
 from visavis.running.page.trial import FilmFailed, perform_on_page
 from visavis.stimuli.scenes.flat import FlatScene
@@ -189,15 +189,19 @@ def _step(step: PageStep, watch: Viewing | None, reply: Reply, folder: Path) -> 
 
 def _parts(step: PageStep, reply: Reply, folder: Path) -> tuple[SeenPart, ...]:
     """Return the flat stimuli that a step showed, as large as the page said that it was."""
-    page = read_screen(reply.content["screen"])
-    wide, high = reply.content.get("view_px", USUAL_VIEW_PX)
-    m_per_px = 1 / (1000 * page.px_per_mm)
-    screen = FlatScreen(wide * m_per_px, high * m_per_px, wide, high, page.distance_mm / 1000)
-    parts, since_ns = [], 0
-    for part, light in zip(step.content["parts"], read_lit(reply.content), strict=False):
+    screen = screen_of(reply.content, USUAL_VIEW_PX)
+    parts, since_ns, lights = [], 0, list[Mapping[str, Any]]()
+    for k, light in enumerate(read_lit(reply.content)):
+        part = step.content["parts"][k]
         on_ns, off_ns = reply.t_ns_of(light.on_ms), reply.t_ns_of(light.off_ms)
-        since_ns = since_ns if part.get("goes_on") else on_ns
+        if not part.get("goes_on"):
+            since_ns = on_ns
+            lights.clear()
         scene = replace(flat_scene(part, folder), moves_since_ns=since_ns)
+        if scene.panorama is not None:
+            lights.append(reply.content["parts"][k])
+            turns = view_turns(lights, reply)
+            scene = replace(scene, surface=before_eyes(screen), turns=turns)
         parts.append(SeenPart(on_ns, off_ns, scene, screen))
     return tuple(parts)
 

@@ -38,6 +38,7 @@ FILES: Final = {
     "/film.js": "film.js",
     "/flat.js": "flat.js",
     "/dots.js": "dots.js",
+    "/panorama.js": "panorama.js",
     "/sound.js": "sound.js",
     "/loading.js": "loading.js",
     "/wire.js": "wire.js",

@@ -10,6 +10,7 @@ from visavis.protocol.session.boards import NOTHING_IN_TIME
 from visavis.running.live_store import until_on_page
 from visavis.running.page.flat import (
     Sequence,
+    panorama_events,
     pointer_events,
     shown_columns,
     sound_events,
@@ -29,7 +30,7 @@ from visavis.running.page.steps import (
     read_page_answer,
 )
 from visavis.stimuli.audible import Audible
-from visavis.stimuli.flat import Image, Video
+from visavis.stimuli.flat import Image, Panorama, Video
 from visavis.study.actions import Action
 from visavis.study.asking import Answer
 from visavis.study.dry_run import still_view
@@ -48,7 +49,7 @@ from visavis.study.trial import TrialPlan, TrialScript
 
 OnPage: TypeAlias = Generator[PageStep | Mark, Reply | None, Any]
 FilmFiles: TypeAlias = Callable[
-    [Film | Live | LiveFilm | Image | Video | Audible], Mapping[str, Any]
+    [Film | Live | LiveFilm | Image | Video | Panorama | Audible], Mapping[str, Any]
 ]
 """Returns what a page must know about a film, a live figure, a picture or a sound: files' names,
 hashes, sizes.
@@ -143,6 +144,7 @@ def _shown(
     script.row |= columns | {"t_end_ns": end_ns}
     script.view = still_view(end_ns)
     trial_id = script.trial.trial_id
+    yield from panorama_events(coming, reply, script.settings.folder, trial_id)
     yield from pointer_events(coming, reply, script.settings.folder, trial_id)
     yield from sound_events(coming, reply, trial_id)
     coming.parts.clear()

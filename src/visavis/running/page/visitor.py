@@ -8,24 +8,28 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import takewhile
 from typing import Any, Final
 
 import numpy as np
 
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import ConfigError, DataError
+from visavis.lab.screen import FlatScreen
 from visavis.people.moulder import Task
 from visavis.people.person import LISTEN_S, StudyPerson
 from visavis.protocol.people.simulated_participant import STRETCH_AGAIN
 from visavis.running.film_store import FilmStore
-from visavis.running.page.flat import flat_scene, of_part_unseen
+from visavis.running.page.flat import flat_scene, is_seen, of_part_unseen
 from visavis.running.page.simulated_headset import ENTERED, SimulatedHeadset
 from visavis.running.page.spoken_digits import hear_digits, spoken_digits
 from visavis.running.page.steps import BY_LIMIT, PageStep
 from visavis.stimuli.audible import Audible, gain_db_of
 from visavis.stimuli.motion.synthesis.pose_distance import Likeness
+from visavis.stimuli.panels import Surface
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Waveform
+from visavis.stimuli.view_turns import ViewTurns
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import Film, Lens, LiveFilm, Pair, films_of, scene_of, seconds_of
@@ -48,6 +52,8 @@ MOVE_MS: Final = 50.0
 MOVE_SHARE: Final = 0.05
 """How far such a movement leads, as a share of the slider."""
 MOVES_AT_ONCE: Final = 20
+LOOKS_AROUND_S: Final = 120.0
+"""How long somebody turns the view onto a panorama, at most."""
 REFRESH_HZ: Final = 60.0
 FRAME_MS: Final = 1000.0 / REFRESH_HZ
 PRACTICE_STRETCH: Final = 100_000
@@ -87,6 +93,8 @@ class Visitor:
     batches: list[dict[str, Any]] = field(default_factory=list, repr=False)
     """What a headset measured meanwhile, for the page to send before its reply."""
     _headset: SimulatedHeadset | None = field(default=None, repr=False)
+    _turns: dict[int, ViewTurns] = field(default_factory=dict, repr=False)
+    """How the person turns the view onto each panorama of a step, by the place of its part."""
     _trial: tuple[int, bool, int] = field(default=(0, False, 0), repr=False)
 
     def reply(self, step: PageStep) -> dict[str, Any]:
@@ -158,16 +166,34 @@ class Visitor:
         """See everything that a step shows up to what is answered, as the person would."""
         self._begin_trial(content)
         keys, parts, at_ms = content["keys"], content["parts"], self.now_ms + FIRST_FRAME_MS
-        for part in parts[: keys["from"] + 1] if keys else parts:
+        limit_s = keys["limit_s"] if keys else 0.0
+        self._turns = {}
+        for k, part in enumerate(parts[: keys["from"] + 1] if keys else parts):
             scene = flat_scene(part, self.store.study_folder)
-            if scene.items or scene.sounds:
+            if scene.panorama is not None:
+                if part.get("goes_on"):
+                    continue  # they look on
+                scene = replace(scene, surface=self._surface())
+            if scene.items or scene.sounds or scene.panorama is not None:
                 self.person.see(SceneFrame(scene, 0, np.zeros((0, 3)), np.zeros(0)), 0)
+            if scene.panorama is not None:
+                stays = takewhile(lambda later: later.get("goes_on"), parts[k + 1 :])
+                lasts = [ms for one in (part, *stays) if math.isfinite(ms := _lasts_ms(one))]
+                seconds = min(limit_s + sum(lasts) / 1000, LOOKS_AROUND_S)
+                self._turns[k] = self.person.view_turns(seconds, round(FRAME_MS * NS_PER_MS))
             for one in scene.sounds:
                 sound = self.sound_of(one)
                 samples = sound.at_both_ears(gain_db_of(one, sound))
                 self.person.hear(samples, sound.rate_hz, round(at_ms * NS_PER_MS))
             if math.isfinite(lasts_ms := _lasts_ms(part)):
                 at_ms += lasts_ms
+
+    def _surface(self) -> Surface:
+        """Return the screen that a page is for this person, before their eyes."""
+        m_per_px = 1 / (1000 * PX_PER_MM)
+        wide, high = VIEW_PX
+        flat = FlatScreen(wide * m_per_px, high * m_per_px, wide, high, DISTANCE_MM / 1000)
+        return self.person.before_eyes(flat)
 
     def _show(self, content: Mapping[str, Any]) -> dict[str, Any]:
         """See what is shown, part by part, and press a key where one is asked for."""
@@ -190,6 +216,14 @@ class Visitor:
             off_ms = at_ms + frames * FRAME_MS
             parts.append({"on_ms": at_ms, "off_ms": off_ms, "frames": frames, "dropped": 0})
             parts[-1] |= of_part_unseen(part, at_ms, (off_ms - at_ms) / 1000)
+            if "panorama" in part:
+                first = next(n for n in range(k, -1, -1) if not content["parts"][n].get("goes_on"))
+                turns = self._turns[first].turns if first in self._turns else ()
+                since_ms = parts[first]["on_ms"]
+                rows = [[since_ms + t.since_ns / NS_PER_MS, t.from_deg, t.to_deg] for t in turns]
+                parts[-1]["turns"] = [
+                    [t_ms, list(a), list(b)] for t_ms, a, b in rows if at_ms <= t_ms < off_ms
+                ]
             if "reveal" in part:
                 scene = flat_scene(part, self.store.study_folder)
                 path = self.person.pointer_path(scene, (off_ms - at_ms) / 1000)
@@ -201,6 +235,7 @@ class Visitor:
             if at_ms >= end_ms:
                 break
         self.now_ms = at_ms
+        says = set().union(*parts)
         return {
             "shown_ms": shown_ms,
             "hidden_ms": 0.0,
@@ -208,7 +243,8 @@ class Visitor:
             "screen": {"px_per_mm": PX_PER_MM, "distance_mm": DISTANCE_MM},
             "outside": 0,
             "answer": answer,
-            **({"view_px": list(VIEW_PX)} if any("pointer" in part for part in parts) else {}),
+            **({"view_px": list(VIEW_PX)} if {"pointer", "turns"} & says else {}),
+            **({"frame_ms": FRAME_MS} if "turns" in says else {}),
         }
 
     def look(self, content: Mapping[str, Any]) -> float:
@@ -436,7 +472,7 @@ def _lasts_ms(part: Mapping[str, Any]) -> float:
         return float(part["frames"] * FRAME_MS)
     if part["seconds"] is None:
         return math.inf
-    if part.get("sounds") and not part["items"]:  # a sound alone is not hurried
+    if part.get("sounds") and not is_seen(part):  # a sound alone is not hurried
         return float((math.floor(part["seconds"] * REFRESH_HZ) + 1) * FRAME_MS)
     return float(round(part["seconds"] * REFRESH_HZ) * FRAME_MS)
 

@@ -428,6 +428,8 @@ def _reply(step: PageStep, choose: Choose) -> dict[str, Any]:
             return {
                 "parts": [lighting | of_part_unseen(part) for part in parts],
                 "screen": {},
+                "view_px": [1280, 720],
+                "frame_ms": 16.0,
                 "outside": 0,
                 "answer": _press(content["keys"], choose),
             }

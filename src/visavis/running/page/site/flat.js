@@ -5,6 +5,7 @@
 import { dotsPixels, stepAt } from "./dots.js";
 import * as film from "./film.js";
 import { loaded } from "./loading.js";
+import * as panorama from "./panorama.js";
 import * as sound from "./sound.js";
 import * as wire from "./wire.js";
 
@@ -18,7 +19,7 @@ const files = new Map();
 export async function load(picture, key) {
   if (!files.has(picture.picture)) {
     files.set(picture.picture, await loaded(() => wire.asset(picture.picture, key), picture.bytes, async (buffer) => {
-      const blob = new Blob([buffer], { type: "image/png" });
+      const blob = new Blob([buffer], { type: picture.mime || "image/png" });
       (await decoded(blob)).close();
       return { blob };
     }));
@@ -26,7 +27,18 @@ export async function load(picture, key) {
   return files.get(picture.picture).report;
 }
 
-const decoded = (blob) => createImageBitmap(blob, { colorSpaceConversion: "none" });
+const decoded = (blob, more = {}) => createImageBitmap(blob, { colorSpaceConversion: "none", ...more });
+
+// The pictures that parts of a step show: those of items, and what is around.
+export const picturesOf = (parts) => [...parts.flatMap((part) => part.items).filter((item) => item.kind === "image"), ...panoramasOf(parts)];
+
+const panoramasOf = (parts) => parts.map((part) => part.panorama).filter(Boolean);
+
+const fileOf = (item) => {
+  const file = files.get(item.picture);
+  if (!file) throw Object.assign(new Error("it was not loaded"), { file: item.file });
+  return file.blob;
+};
 
 // ---- places and sizes -----------------------------------------------------------------------
 
@@ -186,24 +198,25 @@ export async function open(step, holder, screen, frameMs, done, broken) {
   canvas.style.touchAction = step.parts.some((part) => part.reveal) ? "none" : ""; // a finger uncovers, it does not scroll
   canvas.width = Math.max(1, Math.round(innerWidth * ratio));
   canvas.height = Math.max(1, Math.round(innerHeight * ratio));
-  const context = canvas.getContext("2d", { alpha: false });
+  const hasAround = panoramasOf(step.parts).length > 0; // behind a canvas that is clear around its items
+  const context = canvas.getContext("2d", { alpha: hasAround });
   const distancePx = screen.distance_mm * screen.px_per_mm * ratio;
   const bitmaps = new Map();
   for (const item of step.parts.flatMap((part) => part.items)) {
     if (item.kind !== "image" || bitmaps.has(item.picture)) continue;
-    const file = files.get(item.picture);
-    if (!file) throw Object.assign(new Error("it was not loaded"), { file: item.file });
-    bitmaps.set(item.picture, await decoded(file.blob));
+    bitmaps.set(item.picture, await decoded(fileOf(item)));
   }
+  const around = hasAround ? await panorama.open(panoramasOf(step.parts), [canvas.width, canvas.height], distancePx,
+    (one, most) => decoded(fileOf(one), one.width_px > most ? { resizeWidth: most, resizeHeight: most / 2, resizeQuality: "high" } : {})) : null;
   let outside = 0;
   // What stands still is drawn beforehand: up to the first dots on `pages`, the rest in layers over it.
   const layers = step.parts.map(() => []);
   const films = step.parts.map(() => []); // the films of each part, those of the one before where it goes on
   const pages = step.parts.map((part, k) => {
     const page = new OffscreenCanvas(canvas.width, canvas.height);
-    let on = page.getContext("2d", { alpha: false });
+    let on = page.getContext("2d", { alpha: Boolean(part.panorama) });
     on.fillStyle = part.background;
-    on.fillRect(0, 0, page.width, page.height);
+    if (!part.panorama) on.fillRect(0, 0, page.width, page.height);
     for (const item of part.items) {
       const box = boxOf(item.at_deg, sizeOf(item, on), canvas, distancePx);
       const isWhole = box[0] >= 0 && box[1] >= 0 && box[0] + box[2] <= page.width && box[1] + box[3] <= page.height;
@@ -222,8 +235,12 @@ export async function open(step, holder, screen, frameMs, done, broken) {
     }
     return page;
   });
-  const move = (k, elapsedMs) => {
+  const drawPage = (k) => {
+    if (step.parts[k].panorama) context.clearRect(0, 0, canvas.width, canvas.height);
     context.drawImage(pages[k], 0, 0);
+  };
+  const move = (k, elapsedMs) => {
+    drawPage(k);
     for (const { item, box, over } of layers[k]) {
       drawPixels(context, dotsPixels(item, box[2], box[3], stepAt(item, elapsedMs / 1000)), box);
       context.drawImage(over, 0, 0);
@@ -260,7 +277,7 @@ export async function open(step, holder, screen, frameMs, done, broken) {
     showFilms(k);
     if (k < pages.length && layers[k].length) { move(k, elapsedMs); return; }
     if (k < pages.length && veils[k]) { reveal(k); return; }
-    if (k < pages.length) context.drawImage(pages[k], 0, 0);
+    if (k < pages.length) drawPage(k);
     else { context.fillStyle = step.parts.at(-1).background; context.fillRect(0, 0, canvas.width, canvas.height); }
   };
 
@@ -274,8 +291,16 @@ export async function open(step, holder, screen, frameMs, done, broken) {
     const name = e.key.toLowerCase();
     return [name, ...(NAMES[name] || [])].find((one) => keys.options.includes(one));
   };
+  const arrows = []; // pressed since the last frame
   const onKey = (e) => {
-    if (e.repeat || e.ctrlKey || e.altKey || e.metaKey || !keys) return;
+    if (e.repeat || e.ctrlKey || e.altKey || e.metaKey) return;
+    const name = e.key.toLowerCase();
+    if (step.parts[drawn]?.panorama && panorama.turnsView(name)) {
+      e.preventDefault();
+      arrows.push({ name, at_ms: e.timeStamp });
+      return;
+    }
+    if (!keys) return;
     const option = optionOf(e);
     if (option === undefined) return;
     e.preventDefault();
@@ -297,7 +322,7 @@ export async function open(step, holder, screen, frameMs, done, broken) {
   let before = null;
   let windowAt = null; // where the window is that was drawn last
   const heard = new Map(); // what began of the sounds of each part
-  const isHeardAlone = (k) => Boolean(step.parts[k].sounds?.length) && !step.parts[k].items.length;
+  const isHeardAlone = (k) => Boolean(step.parts[k].sounds?.length) && !step.parts[k].items.length && !step.parts[k].panorama;
   // From when on a part is timed: what is heard alone from its first sample.
   const timedFrom = (k) => (isHeardAlone(k) && heard.has(k) ? sound.timeOf(heard.get(k)).on_ms : lit[k].on_ms);
   // For how long a part is lit; null where only a key ends it.
@@ -326,9 +351,28 @@ export async function open(step, holder, screen, frameMs, done, broken) {
     while (step.parts[first] && step.parts[first].goes_on) first -= 1;
     return lit[first] ? now + frameMs - lit[first].on_ms : 0;
   };
+  // The view onto what is around a part: it goes on turning from part to part.
+  let view = null;
+  let seenDeg = null; // which of it was drawn last
+  const turn = (now) => {
+    for (const { name, at_ms } of arrows.splice(0)) {
+      const turned = at_ms > lit[drawn].on_ms || step.parts[drawn].goes_on ? view.press(name, now) : null;
+      if (turned) lit[drawn].turns.push(turned);
+    }
+  };
+  const drawAround = (k, now) => {
+    const part = step.parts[k];
+    if (!part?.panorama) return;
+    if (k !== drawn && !part.goes_on) view = panorama.viewTurns(frameMs);
+    const deg = view.at(now + 1.5 * frameMs); // in the middle of the frame that it will be lit for
+    if (k === drawn && deg.join() === seenDeg) return;
+    around.draw(part.panorama, deg);
+    seenDeg = deg.join();
+  };
   const show = (k, now) => {
     if (step.parts[k]?.sounds?.length && !heard.has(k)) heard.set(k, sound.begin(step.parts[k].sounds, now + frameMs));
     draw(k, movedMs(k, now));
+    drawAround(k, now);
     drawn = k;
     windowAt = pointer;
   };
@@ -341,6 +385,7 @@ export async function open(step, holder, screen, frameMs, done, broken) {
       if (drawn > 0) Object.assign(lit[drawn - 1], { off_ms: now, frames, dropped: dropped + missed });
       lit.push({ on_ms: now });
       if (step.parts[drawn] && step.parts[drawn].reveal) lit[drawn].pointer = windowAt ? [[now, ...windowAt]] : [];
+      if (step.parts[drawn]?.panorama) lit[drawn].turns = [];
       frames = dropped = 0;
       if (drawn === step.parts.length || answer || isLate) { finish(); return; }
     } else dropped += missed;
@@ -348,6 +393,7 @@ export async function open(step, holder, screen, frameMs, done, broken) {
     if (drawn < 0) { if (beginMs === null || now + 1.5 * frameMs > beginMs) show(0, now); return; }
     frames += 1;
     const part = step.parts[drawn];
+    if (part.panorama) turn(now);
     if (part.reveal && pointer && pointer !== windowAt && lit[drawn].pointer.length < MAX_PATH) { // what is drawn now is lit from the next frame on
       reveal(drawn);
       windowAt = pointer;
@@ -364,7 +410,10 @@ export async function open(step, holder, screen, frameMs, done, broken) {
     const lasts = part.frames !== null ? frames >= part.frames
       : part.seconds !== null && now + (isHeardAlone(drawn) ? 1 : 1.5) * frameMs > onMs + 1000 * part.seconds;
     if (lasts) show(drawn + 1, now);
-    else if (layers[drawn].length) move(drawn, movedMs(drawn, now));
+    else {
+      if (layers[drawn].length) move(drawn, movedMs(drawn, now));
+      drawAround(drawn, now);
+    }
   };
   const finish = () => {
     close();
@@ -373,9 +422,9 @@ export async function open(step, holder, screen, frameMs, done, broken) {
     step.parts.forEach((part, k) => {
       if (lit[k] && !part.goes_on && films[k].length) lit[k].films = films[k].map(({ player }) => ({ ...player.report().film, first_ms: player.report().film.first_ms ?? lit[k].on_ms }));
     });
-    done({ parts: lit.slice(0, -1), answer, outside, view_px: [Math.round(canvas.width / ratio), Math.round(canvas.height / ratio)] });
+    done({ parts: lit.slice(0, -1), answer, outside, ...(hasAround ? { frame_ms: frameMs } : {}), view_px: [Math.round(canvas.width / ratio), Math.round(canvas.height / ratio)] });
   };
-  holder.append(canvas, ...films.flat().flatMap(({ video, over }) => [video, over]));
+  holder.append(...(around ? [around.canvas] : []), canvas, ...films.flat().flatMap(({ video, over }) => [video, over]));
   showFilms(-1);
   await Promise.all(films.flat().map(({ item, video }) => decodedFilm(item, video)));
   sound.onBreak(() => { if (hasSounds && !isOver) { close(); broken(new Error("the browser stopped it")); } });

@@ -635,7 +635,7 @@ const steps = {
     const inUse = { px_per_mm: screen.px_per_mm ?? USUAL_PX_PER_MM, distance_mm: screen.distance_mm ?? USUAL_DISTANCE_MM };
     try {
       const frameMs = 1000 / (await refreshHz() || 60);
-      for (const picture of step.parts.flatMap((part) => part.items).filter((item) => item.kind === "image")) await flat.load(picture, key);
+      for (const picture of flat.picturesOf(step.parts)) await flat.load(picture, key);
       for (const one of sounds) await sound.load(one, key);
       for (const one of step.parts.flatMap((part) => part.items).filter((item) => item.kind === "video")) await film.load(one, key);
       if (current !== step) return;

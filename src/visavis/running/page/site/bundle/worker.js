@@ -2,7 +2,7 @@
 // with its films. What the host gives counts; what was kept stands in where it cannot be asked.
 
 const KEPT = `visavis-${self.registration.scope}`;
-const PAGE = ["page.js", "store.js", "film.js", "flat.js", "dots.js", "sound.js", "loading.js", "wire.js", "page.css", "bundle.json"];
+const PAGE = ["page.js", "store.js", "film.js", "flat.js", "dots.js", "panorama.js", "sound.js", "loading.js", "wire.js", "page.css", "bundle.json"];
 
 self.addEventListener("install", (event) => {
   self.skipWaiting();
