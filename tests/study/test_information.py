@@ -148,7 +148,7 @@ def test_a_device_of_the_labs_own_is_named_by_its_role() -> None:
 
     class Lab:
         texts, needed_roles, useful_roles = made.texts, ("breath",), ()
-        lives, read = (), {}
+        lives, panoramas = (), ()
 
     lab: Any = Lab()
     told = information_at_devices(lab, ()).lines

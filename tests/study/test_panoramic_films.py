@@ -225,7 +225,9 @@ def test_what_cannot_be_shown_is_named_at_plan(tmp_path, film, line, says):
 
 
 def test_a_page_refuses_it_by_name_with_the_way_out(tmp_path, film):
-    with pytest.raises(DesignError, match=r"shows a Panorama, which no page shows; .* monitor"):
+    with pytest.raises(
+        DesignError, match=r"shows lake\.mp4 all around, .* not of films; .* monitor"
+    ):
         film_store(lake_study(tmp_path, film).experiment({}))
 
 

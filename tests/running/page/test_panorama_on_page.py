@@ -246,15 +246,11 @@ def test_only_a_panorama_turns(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "says"),
     [
-        ('Panorama("lake.mp4"), 2', r"lake\.mp4 all around, and .* not of films; .* monitor"),
         ('Panorama("a.png"), 2, reveal="pointer"', "the view onto a Panorama move"),
         ('Panorama("a.png"), until=Keys("left", "f")', "left: arrow keys turn the view"),
     ],
 )
 def test_what_no_page_shows_around_is_refused_by_name(tmp_path: Path, line: str, says: str) -> None:
-    if "mp4" in line:
-        film = pytest.importorskip("benchmarks.film_in_step")
-        film.write_film(tmp_path / "lake.mp4", 10, size_px=(1920, 960))
     with pytest.raises(DesignError, match=says):
         film_store(request(tmp_path, HEAD + f"    yield t.show({line})\n").experiment)
 

@@ -24,6 +24,8 @@ from visavis.lab.errors import DesignError
 from visavis.protocol.plan.session_plan import Trial
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
+from visavis.running.film_store import film_store
+from visavis.running.page.other_hosts.bundle import steps_of_place
 from visavis.running.page.perform import perform_new as perform_page
 from visavis.running.page.replies import check_reply
 from visavis.running.page.steps import PageError, PageStep, Reply
@@ -109,6 +111,12 @@ def test_a_forged_path_is_refused(path: Any, tmp_path: Path) -> None:
     check_reply(step, reply_of([]))
     with pytest.raises(PageError, match=r"path|not a number"):
         check_reply(step, reply_of(path))
+
+
+def test_a_bundle_shows_windows_after_the_pointer(tmp_path: Path) -> None:
+    request = request_of(tmp_path)
+    steps = steps_of_place(request, film_store(request.experiment), 0)
+    assert 4 == sum("reveal" in step.content["parts"][0] for step in steps if step.kind == "show")
 
 
 def test_simulated_people_uncover_what_is_salient(tmp_path: Path) -> None:

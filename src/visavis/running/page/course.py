@@ -230,8 +230,8 @@ def course(visit: Visit) -> Course:
         parts = [part for live in lives for part in (live, *live.get("people", ()))]
         files = [part[name] for part in parts for name in ASSETS if name in part]
         assets = [*{file["name"]: file for file in files}.values()]  # each once
-        images = (*experiment.pictures, *experiment.panoramas)
-        pictures = [visit.files(picture) for picture in images]
+        pictures = [visit.files(picture) for picture in experiment.pictures]
+        pictures += [visit.files(panorama) for panorama in experiment.panoramas]
         sounds = [visit.files(sound) for sound in experiment.audibles]
         if films or lives or pictures or sounds:
             more = {"assets": assets} if assets else {}

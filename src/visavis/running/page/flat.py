@@ -269,6 +269,8 @@ def flat_scene(part: Mapping[str, Any], folder: Path) -> FlatScene:
 
 CLOCKS: Final = ("output_timestamp", "output_latency", "current_time", "simulated")
 """What a browser's audio time was placed on the page's clock by, from the surest on."""
+COURSES: Final = {"pointer": "reveal", "turns": "panorama"}
+"""What a page reports of the course of a part that shows something."""
 SILENT: Final[Mapping[str, Any]] = {
     "on_ms": 0.0,
     "error_ms": 0.0,
@@ -348,9 +350,8 @@ def of_part_unseen(part: Mapping[str, Any], at_ms: float = 0.0, seconds: float =
         for film in films_of_part(part)
     ]
     sound = {"sound": {**SILENT, "on_ms": at_ms}} if part.get("sounds") else {}
-    moved = {"pointer": []} if "reveal" in part else {}
-    turned = {"turns": []} if "panorama" in part else {}
-    return sound | ({"films": films} if films else {}) | moved | turned
+    courses = {name: list[Any]() for name, what in COURSES.items() if what in part}
+    return sound | ({"films": films} if films else {}) | courses
 
 
 def _read_sound_onset(content: Any) -> SoundOnset:
@@ -506,8 +507,8 @@ def panorama_events(
         yield Mark("shown", shown_event(trial_id, part.name, part.declared, staged, on_ns))
         turns = view_turns(lights, reply)
         for turn in turns.turns:
-            about = {"trial_id": trial_id, "name": part.name}
-            yield Mark(VIEW_TURNED, about | turn.as_event(turns.frame_ns))
+            about = turn.as_event(turns.frame_ns)
+            yield Mark(VIEW_TURNED, {"trial_id": trial_id, "name": part.name, **about})
 
 
 def view_turns(lights: Iterable[Mapping[str, Any]], reply: Reply) -> ViewTurns:
