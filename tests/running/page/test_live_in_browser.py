@@ -242,7 +242,7 @@ def test_a_page_that_cannot_draw_says_so_before_consent(server: Server, browser:
     page = browser.new_context().new_page()
     page.add_init_script(REFUSED)
     page.goto(address)
-    until(page, "cannot draw the figures", steps=False)
+    until(page, "cannot draw what this study shows", steps=False)
     assert page.query_selector("#agree") is None
 
 

@@ -1,6 +1,9 @@
 """Panoramas on a page without a browser: turns of simulated people, forged replies, measures."""
 
 import io
+import json
+import shutil
+import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,6 +14,7 @@ from PIL import Image as Files
 
 from tests.running.page.test_flat_on_page import request_of
 from visavis.cli.film.on_page import page_pictures
+from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import Mark
@@ -24,7 +28,7 @@ from visavis.running.page.steps import PageError, PageStep, Reply
 from visavis.running.page.trial import perform_on_page
 from visavis.running.picture_store import PictureStore
 from visavis.stimuli.flat import Panorama
-from visavis.stimuli.view_turns import VIEW_TURNED
+from visavis.stimuli.view_turns import ARROWS, VIEW_TURNED, ViewTurns
 from visavis.study.information import facts_in_event, information_on_page
 from visavis.study.measures import TrialRecord
 from visavis.study.trial import TrialScript
@@ -200,6 +204,42 @@ def test_how_much_was_ahead_follows_from_the_turns_that_a_page_reports(tmp_path:
     assert pytest.approx(60.0, abs=0.2) == measure.of(record)
 
 
+def test_the_script_of_a_page_turns_the_view_by_the_rule_of_monitors() -> None:
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("needs the Debian package nodejs")
+    rng = np.random.default_rng(5)
+    frames = rng.choice(900, 60, replace=False)
+    frames.sort()
+    arrows = rng.choice(sorted(ARROWS), len(frames)).tolist()
+    frame_ms = 16.0
+    keys = [[f"arrow{arrow}", frame_ms * k] for arrow, k in zip(arrows, frames, strict=True)]
+    at_ms = (np.arange(0, 1200, 7) * frame_ms).tolist()
+    script = (
+        f'import {{ viewTurns }} from "{(SITE / "panorama.js").as_uri()}";'
+        f"const view = viewTurns({frame_ms});"
+        f"const rows = {json.dumps(keys)}.map(([name, ms]) => view.press(name, ms));"
+        f"console.log(JSON.stringify([rows, {json.dumps(at_ms)}.map(view.at)]));"
+    )
+    ran = subprocess.run(
+        [node, "--input-type=module", "-e", script],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    rows, directions_deg = json.loads(ran.stdout)
+    turns = ViewTurns(round(frame_ms * NS_PER_MS))
+    for (_, ms), arrow, row in zip(keys, arrows, rows, strict=True):
+        assert turns.press(arrow, round(ms * NS_PER_MS)) == (row is not None)
+        if row is not None:
+            assert turns.turns[-1].to_deg == tuple(row[2])
+            assert turns.turns[-1].from_deg == pytest.approx(row[1], abs=1e-9)
+    course_deg = turns.course((np.array(at_ms) * NS_PER_MS).astype(np.int64))
+    np.testing.assert_allclose(directions_deg, course_deg, atol=1e-9)
+    assert None in rows  # up and down it does not go further
+
+
 FORGED = [
     (reply_of(None), "a list of"),
     (reply_of([[2000.0, [0, 0]]]), "rows of ms, from and to"),
@@ -217,6 +257,7 @@ FORGED = [
     (reply_of([RIGHT], [[9500.0, [0, 0], [30, 0]]]), "no key turns a view"),
     (reply_of([RIGHT], frame_ms=0), "frame_ms"),
     (reply_of([RIGHT], frame_ms=None), "frame_ms"),
+    (reply_of([RIGHT], frame_ms=1001), "frame_ms"),
     (reply_of([RIGHT], view_px=None), "view_px"),
 ]
 
