@@ -21,7 +21,7 @@ and for a wait before the first trial.
 """
 JPEG: Final = (".jpg", ".jpeg")
 JPEG_QUALITY: Final = 95
-"""As photographs are saved: without loss a panorama has five times the bytes."""
+"""As photographs are saved; without loss a panorama would be several times as large."""
 
 
 @dataclass(frozen=True, eq=False)

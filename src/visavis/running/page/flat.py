@@ -130,14 +130,14 @@ class ComingScene:
 
 @dataclass(frozen=True)
 class _Part:
-    """What is shown at one time, and the prefix of its columns ("" where it has none); `declared`
+    """What is shown at one time, and the prefix of its columns ("" where it has none); `source`
     is the scene that the study gave.
     """
 
     content: Mapping[str, Any]
     name: str = ""
     scene: ComingScene | None = None
-    declared: Scene | None = None
+    source: Scene | None = None
 
     @property
     def is_heard_alone(self) -> bool:
@@ -498,17 +498,18 @@ def panorama_events(
     of the page, and every turn of the view.
     """
     for part, lights in _with_what_stayed(sequence, reply):
-        if "panorama" not in part.content or part.declared is None:
+        if "panorama" not in part.content or part.source is None:
             continue
         on_ns = reply.t_ns_of(number(lights[0]["on_ms"], "on_ms"))
         surface = before_eyes(screen_of(reply.content))
         scene = replace(flat_scene(part.content, folder), surface=surface, moves_since_ns=on_ns)
-        staged = StagedFlat(scene, areas=areas_of(scene))
-        yield Mark("shown", shown_event(trial_id, part.name, part.declared, staged, on_ns))
+        staged_scene = StagedFlat(scene, areas=areas_of(scene))
+        about = shown_event(trial_id, part.name, part.source, staged_scene, on_ns)
+        yield Mark("shown", about)
         turns = view_turns(lights, reply)
         for turn in turns.turns:
-            about = turn.as_event(turns.frame_ns)
-            yield Mark(VIEW_TURNED, {"trial_id": trial_id, "name": part.name, **about})
+            values = turn.as_event(turns.frame_ns)
+            yield Mark(VIEW_TURNED, {"trial_id": trial_id, "name": part.name, **values})
 
 
 def view_turns(lights: Iterable[Mapping[str, Any]], reply: Reply) -> ViewTurns:

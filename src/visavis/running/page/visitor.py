@@ -15,12 +15,11 @@ import numpy as np
 
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import ConfigError, DataError
-from visavis.lab.screen import FlatScreen
 from visavis.people.moulder import Task
 from visavis.people.person import LISTEN_S, StudyPerson
 from visavis.protocol.people.simulated_participant import STRETCH_AGAIN
 from visavis.running.film_store import FilmStore
-from visavis.running.page.flat import flat_scene, is_seen, of_part_unseen
+from visavis.running.page.flat import flat_scene, is_seen, of_part_unseen, screen_of
 from visavis.running.page.simulated_headset import ENTERED, SimulatedHeadset
 from visavis.running.page.spoken_digits import hear_digits, spoken_digits
 from visavis.running.page.steps import BY_LIMIT, PageStep
@@ -47,6 +46,7 @@ VIEW_PX: Final = (1280, 800)
 """Size of a simulated person's page where it matters."""
 DISTANCE_MM: Final = 600.0
 """Distance from a simulated person's eyes to their screen."""
+SCREEN: Final = {"px_per_mm": PX_PER_MM, "distance_mm": DISTANCE_MM}
 MOVE_MS: Final = 50.0
 """From one movement of a slider to the next, while it is dragged."""
 MOVE_SHARE: Final = 0.05
@@ -177,9 +177,9 @@ class Visitor:
             if scene.items or scene.sounds or scene.panorama is not None:
                 self.person.see(SceneFrame(scene, 0, np.zeros((0, 3)), np.zeros(0)), 0)
             if scene.panorama is not None:
-                stays = takewhile(lambda later: later.get("goes_on"), parts[k + 1 :])
-                lasts = [ms for one in (part, *stays) if math.isfinite(ms := _lasts_ms(one))]
-                seconds = min(limit_s + sum(lasts) / 1000, LOOKS_AROUND_S)
+                waits = takewhile(lambda later: later.get("goes_on"), parts[k + 1 :])
+                lengths_ms = filter(math.isfinite, map(_lasts_ms, (part, *waits)))
+                seconds = min(limit_s + sum(lengths_ms) / 1000, LOOKS_AROUND_S)
                 self._turns[k] = self.person.view_turns(seconds, round(FRAME_MS * NS_PER_MS))
             for one in scene.sounds:
                 sound = self.sound_of(one)
@@ -190,10 +190,7 @@ class Visitor:
 
     def _surface(self) -> Surface:
         """Return the screen that a page is for this person, before their eyes."""
-        m_per_px = 1 / (1000 * PX_PER_MM)
-        wide, high = VIEW_PX
-        flat = FlatScreen(wide * m_per_px, high * m_per_px, wide, high, DISTANCE_MM / 1000)
-        return self.person.before_eyes(flat)
+        return self.person.before_eyes(screen_of({"screen": SCREEN, "view_px": VIEW_PX}))
 
     def _show(self, content: Mapping[str, Any]) -> dict[str, Any]:
         """See what is shown, part by part, and press a key where one is asked for."""
@@ -235,16 +232,16 @@ class Visitor:
             if at_ms >= end_ms:
                 break
         self.now_ms = at_ms
-        says = set().union(*parts)
+        facts = set().union(*parts)
         return {
             "shown_ms": shown_ms,
             "hidden_ms": 0.0,
             "parts": parts,
-            "screen": {"px_per_mm": PX_PER_MM, "distance_mm": DISTANCE_MM},
+            "screen": dict(SCREEN),
             "outside": 0,
             "answer": answer,
-            **({"view_px": list(VIEW_PX)} if {"pointer", "turns"} & says else {}),
-            **({"frame_ms": FRAME_MS} if "turns" in says else {}),
+            **({"view_px": list(VIEW_PX)} if {"pointer", "turns"} & facts else {}),
+            **({"frame_ms": FRAME_MS} if "turns" in facts else {}),
         }
 
     def look(self, content: Mapping[str, Any]) -> float:
