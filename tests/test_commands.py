@@ -98,10 +98,10 @@ def test_words_folder_environment_and_streams_are_those_of_a_new_process(
     environment = {**os.environ, **more}
     arguments = [*before, way, what, "--word", "a b"]
     expected = run_new(*arguments, cwd=tmp_path, env=environment)
-    got = COMMANDS.run(*arguments, cwd=tmp_path, env=environment)
-    assert json.loads(expected.stdout) == json.loads(got.stdout)
+    actual = COMMANDS.run(*arguments, cwd=tmp_path, env=environment)
+    assert json.loads(expected.stdout) == json.loads(actual.stdout)
     assert (7, "said\n") == (expected.returncode, expected.stderr)
-    assert (7, "said\n") == (got.returncode, got.stderr)
+    assert (7, "said\n") == (actual.returncode, actual.stderr)
 
 
 def output_of(done: subprocess.CompletedProcess[str]) -> tuple[int, str, str]:
@@ -120,8 +120,8 @@ def test_commands_say_and_write_what_new_processes_do(tmp_path: Path) -> None:
         )
         files.append(digests(lab))
         shutil.rmtree(lab)
-    for verb, expected, got in zip(VERBS, *outputs, strict=True):
-        assert expected == got, verb
+    for verb, expected, actual in zip(VERBS, *outputs, strict=True):
+        assert expected == actual, verb
     assert files[0] == files[1]
 
 

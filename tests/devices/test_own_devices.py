@@ -52,14 +52,14 @@ def here(package):
 
 def said(folder, *arguments):
     path = os.pathsep.join((str(folder), str(ROOT)))
-    done = COMMANDS.run(
+    process = COMMANDS.run(
         *["-m", "visavis.cli.main", *arguments],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": path},
         timeout=280,
     )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    assert process.returncode == 0, process.stdout + process.stderr
+    return process.stdout
 
 
 @pytest.fixture(scope="module")

@@ -15,10 +15,10 @@ def test_killed_sessions_lose_nothing_and_end_as_uninterrupted_ones(
 ) -> None:
     kills = KILLS[study]
     command = ["-m", "benchmarks.kill_resume", "--study", study, "--kills", str(kills), "--json"]
-    done = COMMANDS.run(*command, "--output", str(tmp_path), cwd=ROOT)
+    process = COMMANDS.run(*command, "--output", str(tmp_path), cwd=ROOT)
 
-    assert "" == done.stderr
-    outcome = json.loads(done.stdout)[study]
+    assert "" == process.stderr
+    outcome = json.loads(process.stdout)[study]
     assert [] == outcome["problems"]
     assert kills == outcome["kills"]
     assert outcome["resumes"] > kills // 2
@@ -29,4 +29,4 @@ def test_killed_sessions_lose_nothing_and_end_as_uninterrupted_ones(
         outcome["unequal_cells"],
         outcome["failed_lives"],
     )
-    assert 0 == done.returncode
+    assert 0 == process.returncode

@@ -21,9 +21,9 @@ def counts() -> Counts:
     except StageError as problem:
         pytest.skip(str(problem))
     softly = {**os.environ, "GALLIUM_NOOP": "1", "LIBGL_ALWAYS_SOFTWARE": "1"}
-    done = COMMANDS.run("-m", "tests.stage.gl_counts", cwd=ROOT, env=softly)
-    assert 0 == done.returncode, done.stderr
-    found: Counts = json.loads(done.stdout)
+    process = COMMANDS.run("-m", "tests.stage.gl_counts", cwd=ROOT, env=softly)
+    assert 0 == process.returncode, process.stderr
+    found: Counts = json.loads(process.stdout)
     return found
 
 

@@ -208,8 +208,8 @@ def test_where_no_certificate_can_be_made_the_ways_out_are_told(tmp_path: Path) 
     (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
     without = "import sys; sys.modules['cryptography'] = None; from visavis.cli.main import main"
     arguments = ["serve", "./many.py", "--devices", "sim", "--lan", "--host", "localhost"]
-    told = COMMANDS.run("-c", f"{without}; main()", *arguments, cwd=tmp_path, timeout=60)
-    said = " ".join((told.stdout + told.stderr).split())
-    assert 0 != told.returncode
+    process = COMMANDS.run("-c", f"{without}; main()", *arguments, cwd=tmp_path, timeout=60)
+    said = " ".join((process.stdout + process.stderr).split())
+    assert 0 != process.returncode
     for way_out in ("visavis[lan]", "--certificate", "adb reverse"):
         assert way_out in said

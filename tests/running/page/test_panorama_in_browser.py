@@ -108,9 +108,9 @@ def test_arrow_keys_turn_the_view_through_a_reload_and_a_kill(server: Server, br
     assert [(30, 0), (30, 30), (-30, 0)] == goals
     for row, expected in ((rows.loc[60], (90, 30)), (rows.loc[-90], (-120, 0))):
         times_ns = [int(row["stimulus_on_ns"]), int(row["stimulus_off_ns"]) - 10**7]
-        seen = page_pictures(
+        pictures = page_pictures(
             study, recording, row["trial_id"], lambda *_, t=times_ns: t, (600, 400)
         )
-        first, last = (direction_of(image[200, 300]) for _, image, _ in seen)
+        first, last = (direction_of(image[200, 300]) for _, image, _ in pictures)
         assert (row.name, 0) == pytest.approx(first, abs=1.5)
         assert expected == pytest.approx(last, abs=1.5)

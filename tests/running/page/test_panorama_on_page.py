@@ -81,8 +81,8 @@ def request(folder: Path, text: str = STUDY) -> Any:
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    asked = request(tmp_path_factory.mktemp("around"))
-    return asked, CachedRecording(perform_new(asked))
+    session_request = request(tmp_path_factory.mktemp("around"))
+    return session_request, CachedRecording(perform_new(session_request))
 
 
 def turns_of(recording: CachedRecording, row: Any, name: str = "stimulus") -> list[Any]:
@@ -91,8 +91,8 @@ def turns_of(recording: CachedRecording, row: Any, name: str = "stimulus") -> li
 
 
 def test_simulated_people_turn_the_view_and_are_measured_from_the_recording(session: Any) -> None:
-    asked, recording = session
-    rows = asked.study.measure(recording).rows
+    session_request, recording = session
+    rows = session_request.study.measure(recording).rows
     lasts_s = (rows["stimulus_off_ns"] - rows["stimulus_on_ns"]) / 1e9
     assert lasts_s.to_numpy() == pytest.approx(13.0, abs=0.02)
     assert rows["view_range_deg"].between(30, 360).all()
@@ -105,15 +105,15 @@ def test_simulated_people_turn_the_view_and_are_measured_from_the_recording(sess
         assert row["view_range_deg"] <= min(360, np.ptp(goals_deg)) + 0.01
         times_ns = [p["changed_ns"] for p in mine]
         assert row["stimulus_on_ns"] < min(times_ns) <= max(times_ns) < row["stimulus_off_ns"]
-    told = information_on_page(asked.experiment, ()).lines
-    assert any("arrow keys" in line for line in told)
+    lines = information_on_page(session_request.experiment, ()).lines
+    assert any("arrow keys" in line for line in lines)
     events = recording.events()[["name", "payload"]].itertuples(index=False)
     facts = frozenset().union(*(facts_in_event(name, payload) for name, payload in events))
     assert {"turning", "flats", "distance"} <= facts
 
 
 def test_a_film_of_the_trial_shows_the_direction_in_which_the_view_was(session: Any) -> None:
-    asked, recording = session
+    session_request, recording = session
     rows = recording.trials()
     row = rows[rows["side"] == 0].iloc[0]
     turns = turns_of(recording, row)
@@ -128,7 +128,11 @@ def test_a_film_of_the_trial_shows_the_direction_in_which_the_view_was(session: 
     assert len(goals) > 1
     size_px = (640, 400)
     pictures = page_pictures(
-        asked.study, recording, str(row["trial_id"]), lambda start_ns, end_ns: times_ns, size_px
+        session_request.study,
+        recording,
+        str(row["trial_id"]),
+        lambda start_ns, end_ns: times_ns,
+        size_px,
     )
     for (_, image, _), (right_deg, up_deg) in zip(pictures, goals, strict=True):
         assert (0, 255, 0) == tuple(image[200, 320])  # the disc in the middle, of a degree
@@ -138,12 +142,14 @@ def test_a_film_of_the_trial_shows_the_direction_in_which_the_view_was(session: 
 
 
 def trial_of(folder: Path, text: str = STUDY) -> tuple[Any, TrialScript, Any, PageStep]:
-    asked = request(folder, text)
-    script = TrialScript(Trial("T1", 1, 0, False, {"side": 150}, 1), asked.experiment.settings)
-    performing = perform_on_page(script, asked.study.study.trial_plan, lambda image: {})
+    session_request = request(folder, text)
+    script = TrialScript(
+        Trial("T1", 1, 0, False, {"side": 150}, 1), session_request.experiment.settings
+    )
+    performing = perform_on_page(script, session_request.study.study.trial_plan, lambda image: {})
     step = next(performing)
     assert isinstance(step, PageStep)
-    return asked, script, performing, step
+    return session_request, script, performing, step
 
 
 def reply_of(first: Any, second: Any = (), **more: Any) -> dict[str, Any]:
@@ -168,7 +174,7 @@ RIGHT = [2000.0, [0, 0], [30, 0]]
 
 
 def test_how_much_was_ahead_follows_from_the_turns_that_a_page_reports(tmp_path: Path) -> None:
-    asked, script, performing, step = trial_of(tmp_path)
+    session_request, script, performing, step = trial_of(tmp_path)
     first, second = step.content["parts"]
     assert (150, "a.png") == (first["panorama"]["yaw_deg"], first["panorama"]["file"])
     assert second["goes_on"]
@@ -184,10 +190,10 @@ def test_how_much_was_ahead_follows_from_the_turns_that_a_page_reports(tmp_path:
         events.append((out.name, out.payload))
         out = performing.send(None)
     assert ["shown", *[VIEW_TURNED] * 4] == [name for name, _ in events]
-    shown = events[0][1]
+    payload = events[0][1]
     assert (
         "Panorama(file='a.png', stereo='none', yaw_deg=150, areas='a.yaml')"
-        == shown["option_panorama"]
+        == payload["option_panorama"]
     )
     assert {"stimulus"} == {payload["name"] for _, payload in events}
     last = events[-1][1]
@@ -199,7 +205,7 @@ def test_how_much_was_ahead_follows_from_the_turns_that_a_page_reports(tmp_path:
         events_named=lambda name, part: {"payload": [p for n, p in events if n == name]},
     )
     record = TrialRecord({**script.row, "trial_id": "T1", "recording_part": 1}, recording)
-    (measure,) = asked.study.study.analysis.measures
+    (measure,) = session_request.study.study.analysis.measures
     assert measure.of is not None
     assert pytest.approx(60.0, abs=0.2) == measure.of(record)
 
@@ -303,12 +309,12 @@ def test_a_page_in_a_headset_refuses_a_panorama_by_name(tmp_path: Path) -> None:
 
 
 def test_a_bundle_has_each_panorama_once_and_the_script_that_draws_it(tmp_path: Path) -> None:
-    asked = request(tmp_path)
-    store = film_store(asked.experiment)
-    steps = steps_of_place(asked, store, 0)
+    session_request = request(tmp_path)
+    store = film_store(session_request.experiment)
+    steps = steps_of_place(session_request, store, 0)
     (preload,) = (step for step in steps if step.kind == "preload")
     names = [picture["picture"] for picture in preload.content["pictures"]]
-    assert [*files_of(store, asked.experiment)[1]] == [*dict.fromkeys(names)]
+    assert [*files_of(store, session_request.experiment)[1]] == [*dict.fromkeys(names)]
     assert "card" in [step.kind for step in steps]
     worker = (SITE / "bundle" / "worker.js").read_text("utf-8")
     assert "panorama.js" in FILES.values()

@@ -140,6 +140,6 @@ def test_an_address_at_which_nobody_could_come_is_refused(
 ) -> None:
     (tmp_path / "many.py").write_text(STUDY, "utf-8")
     arguments = ["serve", "./many.py", "--devices", "sim", *given]
-    told = COMMANDS.run(*COMMAND, *arguments, cwd=tmp_path, timeout=60)
-    assert 0 != told.returncode
-    assert said in told.stdout + told.stderr
+    process = COMMANDS.run(*COMMAND, *arguments, cwd=tmp_path, timeout=60)
+    assert 0 != process.returncode
+    assert said in process.stdout + process.stderr

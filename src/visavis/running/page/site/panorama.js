@@ -17,15 +17,15 @@ const rad = (deg) => deg * Math.PI / 180;
 export function viewTurns(frameMs) {
   const turns = []; // [ms, from, to]
   const at = (ms) => {
-    let seen = [0, 0];
+    let view = [0, 0];
     for (const [since, from, to] of turns) {
       if (ms < since) break;
       const way = [to[0] - from[0], to[1] - from[1]];
       const reach = Math.floor((ms - since) / frameMs + SLACK) * frameMs / 1000 * SPEED_DEG_PER_S;
       const share = Math.min(1, reach / Math.hypot(...way));
-      seen = [from[0] + share * way[0], from[1] + share * way[1]];
+      view = [from[0] + share * way[0], from[1] + share * way[1]];
     }
-    return seen;
+    return view;
   };
   const press = (name, ms) => {
     const goal = turns.length ? turns.at(-1)[2] : [0, 0];
