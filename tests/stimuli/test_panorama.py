@@ -10,6 +10,7 @@ from PIL import Image as Files
 
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, direction_from_yaw_pitch_deg, quat_from_yaw_pitch_deg
+from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.stimuli.area_files import read_areas
 from visavis.stimuli.areas import Area, SurroundingAreas, areas_text, areas_under, read_areas_text
 from visavis.stimuli.film_file import FilmFacts
@@ -263,6 +264,24 @@ def test_a_place_is_where_its_own_direction_meets_it(controls):
     offset_m = one.place_m(300.0, 700.0, turns.at(later_ns)) - one.pose.position_m
     x, y = one.pixels_met(offset_m[None] / np.linalg.norm(offset_m), np.array([later_ns]))
     assert [300.0, 700.0] == pytest.approx([x[0], y[0]])
+
+
+def test_who_looks_beside_the_screen_sees_nothing_of_what_it_would_show_there():
+    below = Area("below", ((900.0, 620.0), (1148.0, 620.0), (1148.0, 1000.0), (900.0, 1000.0)))
+    turns = ViewTurns(FRAME_NS)
+    turns.press("down", 0)
+    whole = around(below, turns=turns)
+    flat = FlatScreen(0.531, 0.299, 1920, 1080, 0.65)  # 13 degrees up and down
+    on_screen = replace(whole, screen=PlacedScreen(flat, whole.pose))
+    gaze = direction_from_yaw_pitch_deg(np.array([40.0, 40.0, 40.0]), np.array([-30.0, 0.0, -12.0]))
+    eyes_m, begin_ns = np.broadcast_to(whole.pose.position_m, gaze.shape), np.zeros(3, np.int64)
+    times_ns = begin_ns, begin_ns + 10**10  # 30 degrees further down
+    under = [
+        areas_under([one], ["below"], eyes_m, gaze, t_ns=t_ns)
+        for one in (whole, on_screen)
+        for t_ns in times_ns
+    ]
+    assert [[0, -1, -1], [0, 0, 0], [-1, -1, -1], [-1, 0, 0]] == [u.tolist() for u in under]
 
 
 # ---- turning the view ----

@@ -5,10 +5,18 @@ import pandas as pd
 import pytest
 from PIL import Image as Files
 
+from tests.stimuli.glb_room import write_room
 from tests.study.simulated_study import simulate_and_analyse
-from visavis import WhenGazeOn
+from visavis import Image, Keys, Room, WhenGazeOn
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
+from visavis.lab.geometry import Pose
+from visavis.people.person import StudyPerson
+from visavis.stimuli.gaze_window import GazeWindow, WindowPlace
+from visavis.stimuli.own_room import PlacedRoom
+from visavis.stimuli.scene import Agent, Scene, SceneFrame
+from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M
+from visavis.stimuli.scenes.flat import FlatScene
 
 STEP_NS = 10_000_000
 T_NS = np.arange(0, NS_PER_S, STEP_NS)
@@ -38,8 +46,67 @@ def test_numbers_that_cannot_be_are_refused(numbers):
 
 
 def test_an_area_that_is_not_there_is_named_with_the_nearest():
-    with pytest.raises(DesignError, match="there is no area 'kez'; did you mean 'key'"):
+    with pytest.raises(DesignError, match="there is no area or mesh 'kez'; did you mean 'key'"):
         WhenGazeOn("f", "kez").place_among(("cup", "key"))
+
+
+def searcher(area):
+    """Return a person who looks for an area and presses 0.4 s after a look at it."""
+    keys = Keys("f", "j", limit_s=30.0)
+    person = StudyPerson(
+        0,
+        1,
+        responses={"f or j": keys},
+        answer_of=lambda seen, response, rng: WhenGazeOn("f", area, other_s=0.4),
+    )
+    person.prepare(1, 0)
+    return person
+
+
+def see(person, scene, t_ns=0, **more):
+    """Let a person see a scene in which nobody's eyes are known."""
+    n = len(scene.agents)
+    person.see(SceneFrame(scene, t_ns, np.zeros((n, 3)), np.ones(n), **more), t_ns)
+
+
+@pytest.mark.parametrize("people", [0, 1])
+def test_meshes_of_a_room_are_looked_for_by_their_names(tmp_path, people):
+    write_room(tmp_path / "office.glb")
+    head_m = np.array([-1.5, 1.6, -3.0])
+    agent = Agent("a", "c", "", head_m, 0.12, np.array([0.0, 0.0, 1.0]), head_m)
+    office = PlacedRoom.of(Room("office.glb"), tmp_path, None)
+    scene = Scene("room", (agent,) * people, room=office)
+    person = searcher("Red_lamp_001")
+    see(person, scene)
+    assert person.next_press_ns() is not None
+    with pytest.raises(DesignError, match="no area or mesh 'Red_lamp'; did you mean 'Red_lamp_001"):
+        see(searcher("Red_lamp"), scene)
+
+
+def test_a_press_that_is_decided_is_not_put_off_by_what_is_uncovered_later(tmp_path):
+    Files.new("RGB", (400, 300)).save(tmp_path / "dark.png")
+    areas = "lamp: {ellipse: [360, 90, 40, 40], salience: 5}\nkey: {ellipse: [40, 90, 40, 40]}\n"
+    (tmp_path / "dark.yaml").write_text(areas)
+    head = Pose(PARTICIPANT_EYE_M, np.array([1.0, 0.0, 0.0, 0.0]))
+    image = Image("dark.png", 20, areas="dark.yaml")
+    scene = FlatScene(
+        "flat",
+        (),
+        items=(image,),
+        folder=tmp_path,
+        head=head,
+        gaze_window=GazeWindow(3.0),
+        answered_by="answer",
+    )
+    lamp, key = (
+        WindowPlace.of(0, PARTICIPANT_EYE_M, [right, 0.052, -0.989]) for right in (0.138, -0.138)
+    )
+    person = searcher("lamp")
+    see(person, scene, window_at=lamp)
+    press_ns = person.next_press_ns()
+    assert press_ns is not None
+    see(person, scene, press_ns - 390_000_000, window_at=key)  # the look was 10 ms ago
+    assert press_ns == person.next_press_ns()
 
 
 STUDY = """

@@ -354,9 +354,12 @@ def _directions(trial: RecordedTrial, during: str) -> tuple[Vector, Vector, Valu
             continue
         period_s = float(np.median(np.diff(stamps[inside]))) / NS_PER_S
         rows = np.flatnonzero(inside & trial.gaze["valid"])
-        x, y = around.pixels_met(
-            trial.gaze["direction_world"][rows].astype(np.float64), stamps[rows]
+        eyes_m, gaze = (
+            trial.gaze[name][rows].astype(np.float64)
+            for name in ("origin_world_m", "direction_world")
         )
+        is_shown = around.is_shown(eyes_m, gaze)  # who looks beside a screen sees none of it
+        x, y = around.pixels_met(gaze[is_shown], stamps[rows][is_shown])
         wide, high = around.size_px
         towards = direction_from_yaw_pitch_deg((0.5 - x / wide) * 360.0, (0.5 - y / high) * 180.0)
         pieces.append((towards, np.full(len(towards), period_s)))
@@ -428,8 +431,8 @@ def _scene(
 def _lit_picture(
     study: OpenedStudy, trial: RecordedTrial, span_ns: tuple[int, int]
 ) -> tuple[int, Picture]:
-    """Return a time within a span of a trial, an eighth after its begin if it was light then, and
-    the picture of it.
+    """Return a time within a span of a trial, an eighth of its length after it begins if it was
+    light then, and the picture of it.
     """
     shown_at = pictures_of(study, trial)
     for t_ns in np.linspace(*span_ns, 9)[1:-1].astype(np.int64).tolist():

@@ -98,8 +98,8 @@ def letter_words(experiment: StudyExperiment, session_plan: SessionPlan) -> list
         boards += [words, *map(str, response.options)]
     if missing := _letters_without_font(boards):
         lines.append(
-            f"no font of Visavis has {' '.join(missing)}, which boards show as boxes; write "
-            "questions, answers and instructions without"
+            f"no font of Visavis has {' '.join(missing)}, which boards show as boxes; use "
+            "no such letters in questions, answers and instructions"
         )
     return lines
 
@@ -117,9 +117,13 @@ def item_words(experiment: StudyExperiment, session_plan: SessionPlan) -> list[s
     rest = len(table.rows) - len(rows_here)
     if rest <= 0:
         return []
+    items = experiment.study.design.items
+    why = f"there are no trials for the other {rest}"
+    if items is not None and items.lists is not None:
+        why = "the others are on other participants' lists, or have no trials"
     return [
         f"{table.file} has {count_of(len(table.rows), 'row')}, of which this person sees "
-        f"{len(rows_here)}: there are no trials for the other {rest}"
+        f"{len(rows_here)}: {why}"
     ]
 
 

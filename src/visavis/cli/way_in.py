@@ -116,7 +116,7 @@ def listening_of(way: Way, key_root: Path, clock: Clock) -> Listening:
     listens_everywhere = way.host in EVERYWHERE or (way.is_lan and way.host == DEFAULT_HOST)
     near = (addresses_here() if listens_everywhere else (way.host,)) if way.is_lan else ()
     if way.is_lan and not (way.name or near):
-        raise UsageError("this computer has no address on a network; join one, or say --host")
+        raise UsageError("this computer has no address on a network; join one")
     names = tuple(dict.fromkeys(filter(None, (way.name, *near, *LOOPBACK))))
     certificate = _certificate(way, names, key_root, clock) if way.is_lan else None
     host = EVERYWHERE[0] if way.is_lan and listens_everywhere else way.host

@@ -50,7 +50,7 @@ from visavis.stimuli.motion.synthesis.pose_distance import Likeness, compared_jo
 from visavis.stimuli.moving_heads import agents_at
 from visavis.stimuli.panels import PanelFrame, Surface, choice_centre_m, place_m, track_01
 from visavis.stimuli.picture import Panel
-from visavis.stimuli.room_shape import seen_of_room
+from visavis.stimuli.room_shape import areas_of_room, seen_of_room
 from visavis.stimuli.scene import Scene, SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.stimuli.view_turns import ARROWS, MAX_PITCH_DEG, STEP_DEG, ViewTurns
@@ -85,7 +85,7 @@ SEED_STEP: Final = 1_000_003
 """By how much the seed of what is simulated differs from one session of a person to the next."""
 PRESS_S: Final = 0.1
 LOOK_STEP_NS: Final = 10_000_000
-"""In steps of what length people foresee where they will look."""
+"""Length of the steps in which people foresee where they will look."""
 POINTER_STOP_S: Final = 0.6
 """How long a pointer rests on what it reveals."""
 AROUND_REACH: Final = 3.0
@@ -351,11 +351,12 @@ class StudyPerson(Observer):
             screen = scene.surface.screen if scene.panorama is not None else None
             return PictureLayout(scene, sheets, self._seat, screen)
         if scene.room is not None:
-            screen = scene.room.screen
             things = seen_of_room(scene.room, self._seat)
+            areas = areas_of_room(scene.room).areas
+            names = [areas[thing.area].name for thing in things]
             if not scene.agents:
-                return RoomLayout(scene, things, self._seat, screen)
-            return Layout(scene, self._seat, things)
+                return RoomLayout(scene, things, self._seat, scene.room.screen, names)
+            return Layout(scene, self._seat, things, names)
         return super()._layout_of(scene)
 
     def _appeal_of(self, what: Layout | PictureLayout) -> npt.NDArray[np.float64]:
@@ -479,10 +480,18 @@ class StudyPerson(Observer):
             return None
         scene = view.scene
         if isinstance(scene, FlatScene) and scene.head is None and areas_of(scene):  # on a page
+            if scene.panorama is not None:
+                raise DataError(
+                    "WhenGazeOn: on a page nobody's eyes are simulated, and no pointer comes to an "
+                    "area of a panorama; answer with an option or a Race there"
+                )
             layout, stops = self._pointer_stops(scene, limit_s)
             place = search.place_among(layout.names)
-            comes_s = next((t_s for t_s, at in stops if at == place), None)
-            return None if comes_s is None else comes_s + search.seconds + search.other_s
+            ends_s = [*(t_s for t_s, _ in stops[1:]), limit_s]
+            for (t_s, at), end_s in zip(stops, ends_s, strict=True):
+                if at == place and end_s - t_s >= search.seconds:
+                    return t_s + search.seconds + search.other_s
+            return None
         self._search = search
         self._search_ends_ns = self._first_ns + round(limit_s * NS_PER_S)
         press_ns = self._search_press_ns = self._foreseen_press_ns(search, self._first_ns)
@@ -490,9 +499,10 @@ class StudyPerson(Observer):
 
     def _foresee_press(self, search: WhenGazeOn, now_ns: int) -> None:
         """Press at another time if what is seen has changed where the person will look."""
-        if self._search_press_ns is not None and self._search_press_ns <= now_ns:
-            self._search = None  # it is pressed
-            return
+        if self._search_press_ns is not None:
+            if self._search_press_ns - round(search.other_s * NS_PER_S) <= now_ns:
+                self._search = None  # they have looked for long enough: what comes later is late
+                return
         if self._search_plan == self._plan_number:
             return
         self._hand.press_no_more([search.option])
@@ -504,7 +514,7 @@ class StudyPerson(Observer):
     def _foreseen_press_ns(self, search: WhenGazeOn, from_ns: int) -> int | None:
         """Return when the person has looked at an area for long enough and presses."""
         what = self._layout
-        place = search.place_among(what.names if isinstance(what, PictureLayout) else ())
+        place = search.place_among(() if what is None else what.names)
         self._search_plan = self._plan_number
         t_ns = np.arange(max(from_ns, self._first_ns), self._search_ends_ns, LOOK_STEP_NS)
         if not len(t_ns):

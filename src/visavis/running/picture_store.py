@@ -15,7 +15,7 @@ from visavis.stimuli.flat import Image, Panorama, Video, picture_path
 from visavis.stimuli.flat_pixels import read_picture
 from visavis.stimuli.panorama_pixels import panorama_pixels
 
-MAX_AROUND_PX: Final = 4096
+MAX_SENT_PX: Final = 4096
 """How wide a panorama is at most that a page gets: more would be too large for many graphics cards,
 and for a wait before the first trial.
 """
@@ -97,9 +97,9 @@ def _hash_of(path: Path, modified_ns: int) -> str:
 def _left_eye(panorama: Panorama, folder: Path) -> Any:
     """Return what the left eye sees of a panorama."""
     picture = Files.fromarray(panorama_pixels(panorama, folder).eyes[0])
-    if picture.width <= MAX_AROUND_PX:
+    if picture.width <= MAX_SENT_PX:
         return picture
-    return picture.resize((MAX_AROUND_PX, MAX_AROUND_PX // 2), Files.Resampling.LANCZOS)
+    return picture.resize((MAX_SENT_PX, MAX_SENT_PX // 2), Files.Resampling.LANCZOS)
 
 
 def _as_jpeg(picture: Any) -> bytes:

@@ -27,6 +27,7 @@ from visavis.lab.geometry import (
     rotate,
     yaw_pitch_deg_of,
 )
+from visavis.lab.screen import PlacedScreen
 from visavis.stimuli import room_areas
 from visavis.stimuli.room_areas import RoomAreas, RoomShape
 from visavis.stimuli.view_turns import ViewTurns
@@ -321,8 +322,9 @@ class SurroundingAreas:
     """The areas of a panorama, of which an eye sees `size_px`, around somebody.
 
     `pose` is where the head was at the onset, upright and facing what was straight ahead then:
-    `yaw_deg` to the right of the picture's middle. Before a monitor the view `turns` since. A film
-    has run since `since_ns`; after `end_s` its last picture stays.
+    `yaw_deg` to the right of the picture's middle. Before a monitor the view `turns` since, and
+    only what the `screen` shows is seen. A film has run since `since_ns`; after `end_s` its last
+    picture stays.
     """
 
     pose: Pose
@@ -332,6 +334,15 @@ class SurroundingAreas:
     turns: ViewTurns = field(default_factory=lambda: ViewTurns(1))
     since_ns: int = 0
     end_s: float = 0.0
+    screen: PlacedScreen | None = None
+
+    def is_shown(self, origin_m: Vector, direction: Vector) -> Is:
+        """Tell which rays (n, 3) in world meet the screen, if there is one that shows a part."""
+        if self.screen is None:
+            return np.ones(len(direction), np.bool_)
+        flat, back = self.screen.flat, quat_conjugate(self.screen.place.orientation_wxyz)
+        at_m = rotate(back, origin_m - self.screen.place.position_m)
+        return flat.is_on(flat.meets_m(at_m, rotate(back, direction)))
 
     def areas_met(
         self, origin_m: Vector, direction: Vector, t_ns: Times | None, pad_deg: float
@@ -346,9 +357,9 @@ class SurroundingAreas:
         unit_px = np.stack([wide, np.full(len(y), high)], axis=1)
         around_px = float(self.size_px[0])
         t_s = 0.0 if t_ns is None else _film_s(t_ns, self.since_ns, self.end_s)
-        return areas_at(
-            self.areas, x, y, pad=pad_deg, unit_px=unit_px, around_px=around_px, t_s=t_s
-        )
+        at = areas_at(self.areas, x, y, pad=pad_deg, unit_px=unit_px, around_px=around_px, t_s=t_s)
+        at[~self.is_shown(origin_m, direction)] = NOWHERE
+        return at
 
     def areas_now(self, t_ns: int) -> tuple[Area | None, ...]:
         """Return each of its areas as it is at a time of the session; None where it is not."""

@@ -53,7 +53,12 @@ FILM_ENDINGS: Final = (
     ".mpg",
     ".mpeg",
     ".ts",
+    ".mts",
+    ".m2ts",
     ".ogv",
+    ".wmv",
+    ".flv",
+    ".3gp",
 )
 """By these a file all around is a film, by others a picture."""
 

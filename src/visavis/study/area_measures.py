@@ -17,9 +17,10 @@ from visavis.analysis.gaze.aoi import LOST, NONE
 from visavis.analysis.gaze.looks import LookMeasures, Looks, looks_on, measure_trial
 from visavis.analysis.gaze.targets import GazeTargets
 from visavis.lab.clock import NS_PER_MS
+from visavis.lab.config import Screen
 from visavis.lab.errors import DesignError
-from visavis.lab.geometry import rotate
-from visavis.lab.screen import FlatScreen
+from visavis.lab.geometry import Pose, rotate
+from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.protocol.plan.steps import Scalar
 from visavis.stimuli.areas import (
     Areas,
@@ -115,9 +116,22 @@ def areas_shown(record: TrialRecord, scene: str) -> tuple[Areas, ...]:
     since_ns = int(payloads[0]["start_ns"])
     turned = _payloads_of(record, VIEW_TURNED, scene)
     turns = read_turns(t for t in turned if int(t["changed_ns"]) >= since_ns)
+    screen = _screen_of(record)
     return tuple(
-        replace(one, turns=turns) if isinstance(one, SurroundingAreas) else one for one in sheets
+        replace(one, turns=turns, screen=screen) if isinstance(one, SurroundingAreas) else one
+        for one in sheets
     )
+
+
+def _screen_of(record: TrialRecord) -> PlacedScreen | None:
+    """Return the monitor of a recorded session, before the eyes; None in a headset."""
+    recording = record.recording
+    content = None if recording is None else recording.manifest.configuration.get("screen")
+    if not content:
+        return None
+    screen = Screen(**content)
+    eyes_m = np.array([0.0, screen.eye_height_m, 0.0])
+    return PlacedScreen(screen.flat, Pose(eyes_m, np.array([1.0, 0.0, 0.0, 0.0])))
 
 
 def _rooms_of(record: TrialRecord, names: Iterable[str]) -> Mapping[str, RoomShape]:
@@ -156,8 +170,8 @@ def looks_at(
 
     `scene` is the name of the columns of what is shown ("stimulus2" for the second of a trial);
     roles of people in a scene ("left") are areas too. `pad_deg` widens areas to where no other is.
-    A trial that shows no such area has no value. In a `Room` heads count before the meshes behind
-    them, within their pad too.
+    A trial that shows no such area has no value. In a `Room` a head holds gaze, within its pad
+    too, unless a mesh is before it.
 
     Raises:
         DesignError: no area is named.

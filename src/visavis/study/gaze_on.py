@@ -65,7 +65,8 @@ def gaze_on(name: str, seconds: float, *, pad_deg: float = DEFAULT_PAD_DEG) -> G
     """Return the condition that somebody has looked at an area, by its name, or at the person of a
     role, for so long without looking elsewhere: `t.show(…, 5, until=gaze_on("cross", 0.5))`.
 
-    Losses of up to 75 ms do not end a look. In a `Room` heads count before the meshes behind them.
+    Losses of up to 75 ms do not end a look. In a `Room` a head holds gaze unless a mesh is before
+    it.
     Columns: `NAME_gaze_on_ns`, when the look began (empty where time ran out), and
     `NAME_gaze_delay_ms`, the delay from the sample that decided to the first frame without the
     stimulus.
@@ -98,7 +99,7 @@ class WhenGazeOn:
         if not (0 < self.seconds < 60 and 0 <= self.other_s < np.inf):
             raise DesignError(
                 f"WhenGazeOn: seconds is {self.seconds:g} and other_s {self.other_s:g}; give "
-                "seconds above 0 and below 60, and from 0"
+                "seconds above 0 and below 60, and other_s from 0"
             )
 
     def place_among(self, names: Sequence[str]) -> int:
@@ -108,8 +109,14 @@ class WhenGazeOn:
             DesignError: it is not there.
         """
         if self.area not in names:
-            near = did_you_mean(self.area, names) or "; nothing that is shown has an area"
-            raise DesignError(f"WhenGazeOn: there is no area {self.area!r}{near}")
+            near = (
+                did_you_mean(self.area, [name for name in names if name])
+                or "; nothing that is shown has an area"
+            )
+            raise DesignError(
+                f"WhenGazeOn: there is no area or mesh {self.area!r}{near}; simulated people know "
+                "no roles of others"
+            )
         return names.index(self.area)
 
     def press_ns(self, t_ns: npt.NDArray[np.int64], is_here: npt.NDArray[np.bool_]) -> int | None:

@@ -58,10 +58,10 @@ def test_the_whole_page_is_small_and_asks_nobody_else() -> None:
     ]
 
 
-def test_one_file_draws_on_all_pages() -> None:
+def test_one_file_draws_scenes_on_all_pages_and_one_the_pictures_all_around() -> None:
     scripts = [*SITE.rglob("*.js"), *Path(viewer.__file__).parent.glob("*.js")]
-    drawing = [f.name for f in scripts if "createShader(" in f.read_text("utf-8")]
-    assert drawing == ["painting.js"]
+    drawing = sorted(f.name for f in scripts if "createShader(" in f.read_text("utf-8"))
+    assert ["painting.js", "panorama.js"] == drawing
 
 
 def test_without_the_key_nothing_is_told(tmp_path: Path) -> None:

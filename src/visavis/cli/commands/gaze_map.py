@@ -33,7 +33,8 @@ def gaze_map(
     Gaze ends on what was drawn: people, things, walls. The scene is that of one trial, from the
     middle of all eyes; studies in which people walk have no such place and are refused. Where
     trials showed different pictures or films, each gets maps of its own. With --during, areas of
-    interest of what was shown then are outlined. Of a panorama the whole picture is drawn.
+    interest of what was shown then are outlined. Of a panorama the whole picture is drawn, with
+    its areas.
 
     Example: visavis gaze-map data/simulated/stare --by condition
     """

@@ -5,7 +5,7 @@ import re
 import signal
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 import typer
 from rich.table import Table
@@ -37,9 +37,6 @@ from visavis.running.page.board import STATES, board_of
 from visavis.running.sessions.data_root import require_space
 from visavis.running.sessions.session_request import Request, SessionPerson
 from visavis.study.experiment import StudyExperiment
-
-if TYPE_CHECKING:
-    pass
 
 NOT_SECURE: Final = (
     "Browsers take this address for no safe one: films, figures and pictures that come damaged are "

@@ -200,7 +200,8 @@ def plan(
     for name in plan_inputs.experiment.still_staircases:
         errors.print(
             f"[yellow]no trial lets the staircase {verbatim(name)} hear of an answer, so that its "
-            "level never moves: call its take(answer.is_right)[/]",
+            "level never moves: call its take(answer.is_right), of keys or a choice that say which "
+            "option is right (right=…)[/]",
             soft_wrap=True,
         )
     for note in plan_inputs.experiment.areas_in_part:

@@ -152,7 +152,7 @@ def _areas(showing: Showing, t_ns: Sequence[int], bundle: Bundle) -> Iterator[di
     for one in showing.areas:
         for k, area in enumerate(one.areas):
             is_still = isinstance(one, PlacedAreas) and not area.keys
-            outlines = _outlines(area, max(one.size_px)) if area.pixels else []
+            outlines = _outlines(area, one) if area.pixels else []
             course = []
             for t in t_ns[:1] if is_still else t_ns:
                 now = one.areas_now(t)[k]
@@ -163,11 +163,12 @@ def _areas(showing: Showing, t_ns: Sequence[int], bundle: Bundle) -> Iterator[di
             yield content | ({"outlines": list(map(len, outlines))} if outlines else {})
 
 
-def _outlines(area: Area, side_px: int) -> list[Vector]:
+def _outlines(area: Area, sheet: PictureAreas) -> list[Vector]:
     """Return the outlines of painted pixels of a picture, as exact as the page has the picture; of
     pixels too few for one its middle.
     """
-    outlines = outlines_of(unpack_runs(area.pixels), max(1.0, side_px / SIDE_PX["flat"]))
+    side_px = SIDE_PX["around" if isinstance(sheet, SurroundingAreas) else "flat"]
+    outlines = outlines_of(unpack_runs(area.pixels), max(1.0, max(sheet.size_px) / side_px))
     return [o.astype(np.float64) for o in outlines] or [np.array([area.middle()])]
 
 

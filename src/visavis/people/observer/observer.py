@@ -412,11 +412,18 @@ class Layout:
     """A scene as targets seen from a seat, before anyone's preferences."""
 
     def __init__(
-        self, scene: Scene, seat: Vector, things: Sequence[SeenObject] | None = None
+        self,
+        scene: Scene,
+        seat: Vector,
+        things: Sequence[SeenObject] | None = None,
+        names: Sequence[str] = (),
     ) -> None:
-        """Look about in a room; with `things` at what is seen of the laboratory's own."""
+        """Look about in a room; with `things` and their names at what is seen of the laboratory's
+        own.
+        """
         self.scene, self.course, self._seat = scene, moving_heads(scene), seat
         n = len(scene.agents)
+        self.names = ("",) * (2 * n) + tuple(names)
         heads = np.array([a.head_centre_m for a in scene.agents])
         bodies = heads - np.array([0.0, CHEST_BELOW_HEAD_M, 0.0])
         self.agent_eyes = np.array([a.eye_centre_m for a in scene.agents])

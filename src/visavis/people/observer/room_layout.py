@@ -28,8 +28,9 @@ class RoomLayout(PictureLayout):
         things: Sequence[SeenObject],
         seat: Vector,
         screen: PlacedScreen | None,
+        names: Sequence[str] = (),
     ) -> None:
-        self.scene = scene
+        self.scene, self.names = scene, tuple(names)
         if screen is not None:
             elsewhere, wide_rad = spots_of(screen)
         else:

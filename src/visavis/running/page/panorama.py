@@ -73,7 +73,7 @@ def frame_ms_of(content: Mapping[str, Any]) -> float:
     return frame_ms
 
 
-def check_turns(asked: Sequence[Mapping[str, Any]], parts: Sequence[Mapping[str, Any]]) -> None:
+def check_turns(requests: Sequence[Mapping[str, Any]], parts: Sequence[Mapping[str, Any]]) -> None:
     """Refuse turns of a view that no presses of arrow keys make, for the parts that were asked for.
 
     Raises:
@@ -81,12 +81,12 @@ def check_turns(asked: Sequence[Mapping[str, Any]], parts: Sequence[Mapping[str,
     """
     before_ms = -math.inf
     begin_deg = goal_deg = (0.0, 0.0)
-    for asked_part, part in zip(asked, parts, strict=False):
-        if "panorama" not in asked_part:
+    for request, part in zip(requests, parts, strict=False):
+        if "panorama" not in request:
             if "turns" in part:
                 raise PageError("only the view onto a panorama turns")
             continue
-        if not asked_part.get("goes_on"):
+        if not request.get("goes_on"):
             begin_deg = goal_deg = (0.0, 0.0)
         on_ms, off_ms = number(part.get("on_ms"), "on_ms"), number(part.get("off_ms"), "off_ms")
         for turn in read_turns_of_part(part):

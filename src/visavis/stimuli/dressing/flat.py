@@ -101,7 +101,9 @@ def _around(scene: FlatScene) -> SurroundingAreas:
         areas = read_areas(scene.folder / panorama.areas, size_px, is_around=True, film=film)
     end_s = 0.0 if film is None else float(film.stamps_s[-1])
     yaw_deg, since_ns = panorama.yaw_deg, scene.moves_since_ns
-    return SurroundingAreas(pose, yaw_deg, size_px, areas, scene.turns, since_ns, end_s)
+    return SurroundingAreas(
+        pose, yaw_deg, size_px, areas, scene.turns, since_ns, end_s, scene.surface.screen
+    )
 
 
 @lru_cache(maxsize=16)

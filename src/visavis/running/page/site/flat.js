@@ -356,8 +356,8 @@ export async function open(step, holder, screen, frameMs, done, broken) {
   let seenDeg = null; // which of it was drawn last
   const turn = (now) => {
     for (const { name, at_ms } of arrows.splice(0)) {
-      const turned = at_ms > lit[drawn].on_ms || step.parts[drawn].goes_on ? view.press(name, now) : null;
-      if (turned) lit[drawn].turns.push(turned);
+      const turn = at_ms > lit[drawn].on_ms || step.parts[drawn].goes_on ? view.press(name, now) : null;
+      if (turn) lit[drawn].turns.push(turn);
     }
   };
   const drawAround = (k, now) => {

@@ -1,4 +1,4 @@
-// Panoramas: a picture all around, seen through the window as through a window, at its true size.
+// Panoramas: a picture all around, seen through the browser as through a window, at its true size.
 // Arrow keys turn the view, by the rule of `visavis.stimuli.view_turns`.
 
 const STEP_DEG = 30; // how far a press turns the view
@@ -22,7 +22,7 @@ export function viewTurns(frameMs) {
       if (ms < since) break;
       const way = [to[0] - from[0], to[1] - from[1]];
       const reach = Math.floor((ms - since) / frameMs + SLACK) * frameMs / 1000 * SPEED_DEG_PER_S;
-      const share = Math.min(1, reach / Math.hypot(...way));
+      const share = Math.min(1, reach / Math.max(Math.hypot(...way), 1e-9));
       view = [from[0] + share * way[0], from[1] + share * way[1]];
     }
     return view;
@@ -89,8 +89,8 @@ export async function open(panoramas, size, distancePx, decoded) {
   [canvas.width, canvas.height] = size;
   gl.viewport(0, 0, ...size);
   gl.uniform3f(places.window, size[0] / 2, size[1] / 2, distancePx);
-  const needed = new Set(panoramas.map((one) => one.picture));
-  for (const [name, texture] of textures) if (!needed.has(name)) { gl.deleteTexture(texture); textures.delete(name); }
+  const names = new Set(panoramas.map((one) => one.picture));
+  for (const [name, texture] of textures) if (!names.has(name)) { gl.deleteTexture(texture); textures.delete(name); }
   for (const one of panoramas) {
     if (textures.has(one.picture)) continue;
     const bitmap = await decoded(one, gl.getParameter(gl.MAX_TEXTURE_SIZE));
