@@ -49,11 +49,13 @@ MS = 1_000_000
 
 def pressing(driver, now_ns):
     """Somebody who presses twice a second, where the device is there to be pressed."""
-    if "keys" not in built_in()[driver].product.capabilities:
+    capabilities = built_in()[driver].product.capabilities
+    if not {"keys", "voice"} & capabilities:
         return WalkingBody()
+    control = "voice" if "voice" in capabilities else "trigger"
     downs = [now_ns + 50 * MS + n * 500 * MS for n in range(40)]
     return WalkingBody(
-        presses=[(t + up * 80 * MS, "trigger", 1.0 - up) for t in downs for up in (0, 1)]
+        presses=[(t + up * 80 * MS, control, 1.0 - up) for t in downs for up in (0, 1)]
     )
 
 

@@ -16,7 +16,13 @@ from visavis.devices.registry import built_in
 from visavis.devices.sim.native_build import find_compiler
 from visavis.devices.wirelog import read_wire_log
 
-WITHOUT_WIRE = ("simulated_body", "simulated_headset", "simulated_responses", "sound_card")
+WITHOUT_WIRE = (
+    "simulated_body",
+    "simulated_headset",
+    "simulated_responses",
+    "sound_card",
+    "voice_key",
+)
 CASES = [(driver, name) for driver in sorted(built_in()) for name in checks_of(driver)]
 
 

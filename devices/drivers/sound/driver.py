@@ -16,13 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.devices.contracts import NO_DEVICE_TIME, ClockPair, DeviceState, Fault, Health, Sink
+from visavis.devices.drivers.sound.card_clock import CardClock
 from visavis.devices.drivers.sound.mixing import Mixer, Voice
 from visavis.devices.lifecycle import HasLife, Lifecycle
 from visavis.devices.meter import StreamMeter
 from visavis.devices.spec import AnySpec
 from visavis.devices.streams import SOUND, SOUND_EVENTS
 from visavis.lab.clock import NS_PER_S, Clock
-from visavis.lab.clock_fit import latest_quick, offset_ns
 from visavis.lab.errors import DeviceDisconnected, DeviceError
 from visavis.lab.geometry import Pose, Vector
 from visavis.lab.schema import SampleBatch, empty_values
@@ -32,9 +32,6 @@ SOUND_BEGAN, SOUND_ENDED, SOUND_STOPPED, UNDERFLOW = (
     SOUND_EVENTS.index(name) for name in ("began", "ended", "stopped", "underflow")
 )
 NOBODY: Final = -1
-PAIRS_APART_NS: Final = NS_PER_S // 4
-KEPT_PAIRS: Final = 2000
-RECENT_PAIRS: Final = 24
 AGAIN_NS: Final = NS_PER_S
 MAX_GAIN_DB: Final = 20.0
 
@@ -67,7 +64,7 @@ class SoundCard(HasLife):
         self._card_events: deque[tuple[int, int, float, bool]] = deque()
         """From the card's thread: number, event, the card's own time (s), whether stamped."""
         self._resampled: dict[tuple[str, int], Waveform] = {}
-        self._pairs: deque[ClockPair] = deque(maxlen=KEPT_PAIRS)
+        self._card_clock = CardClock(clock)
         self._sink: Sink | None = None
         self._number = self._unheard_count = 0
         self._begin()
@@ -153,7 +150,7 @@ class SoundCard(HasLife):
                 "the sound card stopped", role=self.info.role, remedy=self._spec.remedy
             )
         else:
-            self._read_clock()
+            self._card_clock.read(self._stream)
         row_count = self._deliver()
         if timeout_s > 0 and not row_count:
             self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
@@ -202,7 +199,7 @@ class SoundCard(HasLife):
 
     def clock_pairs(self) -> Sequence[ClockPair]:
         """Return readings of the card's clock, each between two of the session's clock."""
-        return tuple(self._pairs)
+        return tuple(self._card_clock.pairs)
 
     # ---- inside -----------------------------------------------------------------------------
 
@@ -233,14 +230,8 @@ class SoundCard(HasLife):
                 role=self.info.role,
                 remedy="name one of `python -m sounddevice` as device in lab_config.yaml",
             ) from problem
-        self._pairs.clear()
-        self._read_clock()
-
-    def _read_clock(self) -> None:
-        before_ns = self._clock.now_ns()
-        card_ns = round(self._stream.time * NS_PER_S)
-        if not self._pairs or before_ns - self._pairs[-1].host_receive_ns >= PAIRS_APART_NS:
-            self._pairs.append(ClockPair(before_ns, card_ns, self._clock.now_ns()))
+        self._card_clock.pairs.clear()
+        self._card_clock.read(self._stream)
 
     def _lose(self) -> None:
         self._life.state = DeviceState.FAULT
@@ -289,13 +280,13 @@ class SoundCard(HasLife):
         rows = [self._card_events.popleft() for _ in range(len(self._card_events))]
         if not rows or self._sink is None:
             return 0
-        offset = offset_ns(latest_quick(tuple(self._pairs)[-RECENT_PAIRS:]))
+        offset_ns = self._card_clock.offset_ns()
         values = empty_values(SOUND, len(rows))
         card_ns = np.array([round(at_s * NS_PER_S) for _, _, at_s, _ in rows], np.int64)
         values["sound"] = [number for number, _, _, _ in rows]
         values["event"] = [kind for _, kind, _, _ in rows]
         values["t_commanded_ns"] = [self._commanded_ns.get(row[0], NO_DEVICE_TIME) for row in rows]
-        values["t_sounding_ns"] = card_ns + offset
+        values["t_sounding_ns"] = card_ns + offset_ns
         values["stamped"] = [is_stamped for _, _, _, is_stamped in rows]
         self._underflows += int((values["event"] == UNDERFLOW).sum())
         now_ns = self._clock.now_ns()

@@ -1,0 +1,253 @@
+"""A voice key on a microphone (sounddevice, PortAudio): pressed when somebody begins to speak.
+
+The card stamps every block with the time, by its own clock, at which the first sample was
+converted; that clock is compared with the session's again and again. A press therefore bears the
+time of the first sample of the sound, not that of the decision. Where the card gives no stamp, a
+block's time is its arrival less the stream's latency, and `check` says so. Sound is never recorded
+or handed on: of what is heard only onsets and ends leave this module.
+"""
+
+import contextlib
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.devices.contracts import RESPONSES, ClockPair, DeviceState, Fault, Health, Sink
+from visavis.devices.drivers.sound.card_clock import CardClock
+from visavis.devices.drivers.voice.onset import OnsetDetector, Turn
+from visavis.devices.drivers.voice.spec import VOICE, VoiceKeyOptions
+from visavis.devices.lifecycle import HasLife, Lifecycle
+from visavis.devices.meter import StreamMeter
+from visavis.devices.spec import AnySpec
+from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound
+from visavis.lab.schema import SampleBatch, StreamSchema
+
+AGAIN_NS: Final = NS_PER_S
+STALLED_NS: Final = NS_PER_S
+"""A microphone that sends nothing for so long is gone, whatever the system says."""
+KEPT_BLOCKS: Final = 2000
+
+
+class _Block(NamedTuple):
+    """What the card's thread brought: samples (n,), the card's time of the first one, in s."""
+
+    samples: npt.NDArray[np.float32]
+    at_s: float
+
+
+class VoiceKey(HasLife):
+    """Follow the `ResponseInput` contract over PortAudio's input stream.
+
+    `load` returns sounddevice or a stand-in; it is called when the device is opened.
+    """
+
+    controls = (VOICE,)
+
+    def __init__(
+        self,
+        role: str,
+        load: Callable[[], Any],
+        clock: Clock,
+        *,
+        spec: AnySpec,
+        options: VoiceKeyOptions,
+        is_simulated: bool = False,
+    ) -> None:
+        self._load, self._clock, self._spec, self._options = load, clock, spec, options
+        self._library: Any = None
+        self._life = Lifecycle(role)
+        self._stream: Any = None
+        self._detector: OnsetDetector | None = None
+        self._blocks: deque[_Block] = deque(maxlen=KEPT_BLOCKS)
+        self._card_clock = CardClock(clock)
+        self._sink: Sink | None = None
+        self._has_stamps = True
+        self._is_down = False
+        self._from_ns = self._last_host_ns = self._heard_ns = self._retry_ns = 0
+        self._begin()
+        self.info = replace(
+            spec.info(role, None),
+            is_simulated=is_simulated,
+            transport="memory" if is_simulated else "sound card",
+            serial="simulated" if is_simulated else "",
+        )
+
+    def open(self, deadline_s: float) -> None:
+        """Open the microphone and begin to hear the room."""
+        self._life.require("open", DeviceState.CLOSED)
+        self._library = self._load()
+        self._connect()
+        self._life.state = DeviceState.OPEN
+
+    def describe(self) -> tuple[StreamSchema, ...]:
+        """Return the response stream."""
+        return (RESPONSES,)
+
+    def start(self, sink: Sink) -> None:
+        """Begin delivering; who speaks already is heard when they begin anew."""
+        self._life.require("start", DeviceState.OPEN)
+        self._begin()
+        self._card_clock.read(self._stream)
+        for _ in self._turns():
+            pass
+        self._from_ns = self._last_host_ns = self._heard_ns = self._clock.now_ns()
+        self._sink = sink
+        self._life.state = DeviceState.STREAMING
+
+    def poll(self, timeout_s: float) -> int:
+        """Judge the blocks that came and deliver onsets and ends; see the contract."""
+        self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
+        row_count = 0
+        if self._life.state is DeviceState.FAULT:
+            self._reconnect()
+        else:
+            self._card_clock.read(self._stream)
+            row_count = self._deliver(self._turns())
+            if not self._stream.active:
+                self._lose("the microphone stopped")
+            if self._clock.now_ns() - self._heard_ns >= STALLED_NS:
+                self._lose("the microphone sends nothing")
+        if timeout_s > 0 and not row_count:
+            self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
+        return row_count
+
+    def stop(self) -> None:
+        """Stop delivering; the microphone stays open."""
+        self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
+        self._sink = None
+        self._life.state = DeviceState.OPEN
+
+    def close(self) -> None:
+        """Release the microphone; idempotent."""
+        self._sink = None
+        self._life.state = DeviceState.CLOSED
+        self._release()
+
+    def health(self) -> Health:
+        """Report onsets and ends so far."""
+        return self._meter.health(self.state, self._clock.now_ns())
+
+    def check(self) -> tuple[Fault, ...]:
+        """Report blocks that were lost, a card without stamps, and a room that is too loud."""
+        faults = []
+        if self._overflows:
+            text = f"{self._overflows} times the microphone lost sound: it was not taken in time"
+            faults.append(Fault(self.info.role, "warning", text, "close other programs"))
+        if not self._has_stamps:
+            text = "the microphone's card does not stamp sound: times are arrival less latency"
+            remedy = "choose another card or sound interface of the system for reaction times"
+            faults.append(Fault(self.info.role, "warning", text, remedy))
+        floor_db = None if self._detector is None else self._detector.floor_db
+        if floor_db is not None and floor_db + self._options.threshold_db >= 0:
+            text = f"the room is so loud ({floor_db:.0f} dB of full scale) that no voice is heard"
+            remedy = "lower the microphone's level in the system, or threshold_db"
+            faults.append(Fault(self.info.role, "warning", text, remedy))
+        return tuple(faults)
+
+    def clock_pairs(self) -> Sequence[ClockPair]:
+        """Return readings of the card's clock, each between two of the session's clock."""
+        return tuple(self._card_clock.pairs)
+
+    # ---- inside -----------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        self._meter = StreamMeter(RESPONSES.nominal_rate_hz)
+        self._seq = self._overflows = 0
+        self._is_down = False
+
+    def _connect(self) -> None:
+        try:
+            self._stream = self._library.InputStream(
+                device=self._options.device or None,
+                channels=1,
+                dtype="float32",
+                latency="low",
+                callback=self._take,
+            )
+            self._blocks.clear()
+            self._detector = OnsetDetector(
+                self._stream.samplerate,
+                threshold_db=self._options.threshold_db,
+                least_ms=self._options.least_ms,
+                release_ms=self._options.release_ms,
+            )
+            self._card_clock.pairs.clear()
+            self._stream.start()
+            self._card_clock.read(self._stream)
+        except (self._library.PortAudioError, ValueError) as problem:  # ValueError: no such name
+            self._release()
+            raise DeviceNotFound(
+                f"the microphone cannot be opened: {problem}",
+                role=self.info.role,
+                remedy=self._spec.remedy,
+            ) from problem
+        self._heard_ns = self._clock.now_ns()
+
+    def _release(self) -> None:
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            with contextlib.suppress(self._library.PortAudioError):  # it is gone already
+                stream.close()
+
+    def _lose(self, text: str) -> None:
+        self._life.state = DeviceState.FAULT
+        self._retry_ns = self._clock.now_ns() + AGAIN_NS
+        self._is_down = False
+        self._release()
+        raise DeviceDisconnected(text, role=self.info.role, remedy=self._spec.remedy)
+
+    def _reconnect(self) -> None:
+        if self._clock.now_ns() < self._retry_ns:
+            return
+        try:
+            self._connect()
+        except DeviceError:
+            self._retry_ns = self._clock.now_ns() + AGAIN_NS
+        else:
+            self._life.state = DeviceState.STREAMING
+
+    def _take(self, data: npt.NDArray[np.float32], n: int, times: Any, status: Any) -> None:
+        """Take a block; it runs in the card's own thread."""
+        at_s = float(times.inputBufferAdcTime)
+        if at_s <= 0.0:  # some audio interfaces of operating systems give no stamp
+            at_s, self._has_stamps = float(times.currentTime) - float(self._stream.latency), False
+        self._overflows += bool(getattr(status, "input_overflow", False))
+        self._blocks.append(_Block(data[:, 0].copy(), at_s))
+
+    def _turns(self) -> list[Turn]:
+        """Return what the blocks that came say."""
+        turns: list[Turn] = []
+        while self._blocks and self._detector is not None:
+            block = self._blocks.popleft()
+            self._heard_ns = self._clock.now_ns()
+            turns += self._detector.feed(block.samples, round(block.at_s * NS_PER_S))
+        return turns
+
+    def _deliver(self, turns: Sequence[Turn]) -> int:
+        offset_ns = self._card_clock.offset_ns()
+        rows: list[Turn] = []
+        for turn in turns:
+            is_earlier = turn.is_down and turn.t_card_ns + offset_ns < self._from_ns
+            # The end of what began before the start is none.
+            if not is_earlier and turn.is_down != self._is_down:
+                self._is_down = turn.is_down
+                rows.append(turn)
+        if not rows or self._sink is None:
+            return 0
+        card_ns = np.array([turn.t_card_ns for turn in rows], np.int64)
+        # A reading of the card's clock may differ from the one before by microseconds.
+        host_ns = np.maximum.accumulate(card_ns + offset_ns)
+        host_ns = np.maximum(host_ns, self._last_host_ns)
+        self._last_host_ns = int(host_ns[-1])
+        values = np.zeros(len(rows), RESPONSES.dtype)
+        values["value_01"] = [turn.is_down for turn in rows]
+        seq = np.arange(self._seq, self._seq + len(rows), dtype=np.int64)
+        self._seq += len(rows)
+        self._meter.update(card_ns.tolist(), self._last_host_ns)
+        self._sink(SampleBatch(RESPONSES, seq, card_ns, host_ns, values))
+        return len(rows)
