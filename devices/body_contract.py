@@ -19,7 +19,15 @@ EYES_DTYPE = np.dtype(
 """The state of two eyes at an instant, as an eye tracker's camera would see it."""
 
 
-class Body(Protocol):
+class Hand(Protocol):
+    """Whatever presses; session time never goes back from call to call."""
+
+    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
+        """Yield (t_ns, control, value) of every press and release since the last call."""
+        ...
+
+
+class Body(Hand, Protocol):
     """The body that simulated sensors measure: one body, so that eyes, head and hands agree.
 
     Times are session nanoseconds; calls come with non-decreasing times.
@@ -48,10 +56,6 @@ class Body(Protocol):
 
         The systematic error of a simulated eye tracker is drawn from (its seed, fit).
         """
-        ...
-
-    def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
-        """Yield (t_ns, control, value) of every press and release since the last call."""
         ...
 
 

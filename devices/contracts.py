@@ -17,6 +17,7 @@ import numpy.typing as npt
 from visavis.devices.body_contract import EYES_DTYPE as EYES_DTYPE
 from visavis.devices.body_contract import Body as Body
 from visavis.devices.body_contract import ForeseeableHand as ForeseeableHand
+from visavis.devices.body_contract import Hand as Hand
 from visavis.devices.body_contract import HearingBody as HearingBody
 from visavis.devices.body_contract import MovingBody as MovingBody
 from visavis.devices.body_contract import OneStretch as OneStretch

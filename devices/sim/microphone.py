@@ -1,8 +1,8 @@
 """A microphone behind sounddevice's interface, into which a simulated person speaks.
 
-Whoever presses the control `voice` says something: a breath before, where the body tells its next
-press ahead, then tones of a larynx that rise over `rise_ms`. Not modelled: words, the room's echo,
-other people, a microphone's filters and its level control.
+Whoever presses the control `voice` says a word: a breath before, where the body tells its next
+press ahead, then tones of a larynx that rise over `rise_ms`, for `word_s`. Not modelled: speech,
+the room's echo, other people, a microphone's filters and its level control.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from visavis.devices.contracts import Body, ForeseeableHand
+from visavis.devices.contracts import Body, ForeseeableHand, Hand
 from visavis.devices.drivers.voice.spec import VOICE
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.sim.sound_card import (
@@ -35,8 +35,6 @@ WEIGHTS: Final = sum(
 PHASES: Final = np.pi * HARMONICS**2 / HARMONICS.size
 """Schroeder's (1970, 10.1109/TIT.1970.1054411): the level is even between two pulses, as it is of
 vowels, which ring."""
-WORD_S: Final = 0.3
-"""What is said lasts for as long as the press, and for so long at least."""
 FADE_S: Final = 0.03
 BREATH_S: Final = 0.2
 CLICK_S: Final = 0.003
@@ -45,6 +43,8 @@ NOISE_STREAM: Final = 0x3C
 
 class SimulatedMicrophone(SimulatedPortAudio):
     """The part of sounddevice that `VoiceKey` uses; levels are of full scale, as root mean square.
+
+    `mouth` is the part of the body's presses that are spoken, where others are not.
 
     Faults: late_start, disconnect, loss (blocks that were not taken in time; the next one reports
     an overflow), burst (blocks are held back and all come when the window ends), silence (no block
@@ -63,16 +63,18 @@ class SimulatedMicrophone(SimulatedPortAudio):
         noise_db: float = -60.0,
         voice_db: float = -25.0,
         rise_ms: float = 15.0,
+        word_s: float = 0.3,
         clicks_ns: Sequence[int] = (),
+        mouth: Hand | None = None,
     ) -> None:
         super().__init__(clock, faults=faults, latency_ms=latency_ms, drift_ppm=drift_ppm)
         self.noise_db, self.voice_db = noise_db, voice_db
         self._rise_s = rise_ms * NS_PER_MS / NS_PER_S
         self._clicks_s = [t_ns / NS_PER_S for t_ns in clicks_ns]
-        self._body = body
+        self._body, self._mouth = body, body if mouth is None else mouth
         self._noise = WireNoise([seed, NOISE_STREAM], body)
-        self._words_s: list[tuple[float, float]] = []
-        """When each word began and ended, the latest last; one without an end is infinite."""
+        self._word_s, self._last_words_s = word_s, [-np.inf, -np.inf]
+        """How long a word lasts, and when the last two began."""
 
     def InputStream(self, **options: Any) -> "SimulatedInput":  # noqa: N802 - sounddevice's name
         """Open the input."""
@@ -87,8 +89,8 @@ class SimulatedMicrophone(SimulatedPortAudio):
         self.hear_until(round(float(t_s[-1]) * NS_PER_S))
         rng = self._noise.rng()
         samples = _gain(self.noise_db) * rng.normal(size=BLOCK)
-        for began_s, ended_s in self._words_s:
-            samples += _gain(self.voice_db) * self._word(t_s, began_s, ended_s)
+        for began_s in self._last_words_s:
+            samples += _gain(self.voice_db) * self._word(t_s, began_s)
         samples += _gain(self.noise_db + 8) * self._breath(t_s) * rng.normal(size=BLOCK)
         for click_s in self._clicks_s:
             samples[(t_s >= click_s) & (t_s < click_s + CLICK_S)] += _gain(self.voice_db)
@@ -96,19 +98,12 @@ class SimulatedMicrophone(SimulatedPortAudio):
 
     def hear_until(self, t_ns: int) -> None:
         """Take what the body says up to a session time."""
-        for at_ns, control, value in self._body.presses(t_ns):
-            if control != VOICE:
-                continue
-            at_s = at_ns / NS_PER_S
-            if value > 0.5:
-                self._words_s = [*self._words_s[-1:], (at_s, np.inf)]
-            elif self._words_s:
-                began_s, _ = self._words_s[-1]
-                self._words_s[-1] = began_s, max(at_s, began_s + WORD_S)
+        for at_ns, control, value in self._mouth.presses(t_ns):
+            if control == VOICE and value > 0.5:
+                self._last_words_s = [self._last_words_s[-1], at_ns / NS_PER_S]
 
-    def _word(
-        self, t_s: npt.NDArray[np.float64], began_s: float, ended_s: float
-    ) -> npt.NDArray[np.float64]:
+    def _word(self, t_s: npt.NDArray[np.float64], began_s: float) -> npt.NDArray[np.float64]:
+        ended_s = began_s + self._word_s
         if t_s[-1] < began_s or t_s[0] > ended_s + 10 * FADE_S:
             return np.zeros(BLOCK)
         since_s = t_s - began_s

@@ -141,5 +141,9 @@ def test_option_that_no_file_was_checked_for_is_refused_by_name():
 
 def test_only_devices_without_a_wire_carry_nothing():
     bare = {name for name in built_in() if driver_wiring(name).simulated is no_wire}
-    bare |= {"sound_card", "voice_key"}  # a library that calls back, which no log could play again
+    bare |= {
+        "sound_card",
+        "voice_and_keyboard",
+        "voice_key",
+    }  # a library that calls back, which no log could play again
     assert bare == {name for name, spec in built_in().items() if spec.wire.carries == "nothing"}

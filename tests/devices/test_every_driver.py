@@ -22,6 +22,7 @@ WITHOUT_WIRE = (
     "simulated_responses",
     "sound_card",
     "voice_key",
+    "voice_and_keyboard",
 )
 CASES = [(driver, name) for driver in sorted(built_in()) for name in checks_of(driver)]
 

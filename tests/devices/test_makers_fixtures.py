@@ -30,6 +30,7 @@ WITHOUT_A_MAKER = {
     "sound_card": "PortAudio, met as the genuine library",
     "spp_armband": "our own protocol, pinned in test_armband_codec",
     "usb_armband": "a laboratory's own firmware",
+    "voice_and_keyboard": "PortAudio and GLFW, met as the genuine libraries",
     "voice_key": "PortAudio, met as the genuine library",
 }
 

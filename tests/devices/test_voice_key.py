@@ -1,31 +1,34 @@
 """A voice key: when somebody began to speak, what is no voice, and a microphone that is gone."""
 
+import contextlib
 import sys
 
 import numpy as np
 import pytest
 
 from tests.devices.bodies import FixatingBody
+from visavis.devices.building import build_device
 from visavis.devices.contracts import DeviceState
+from visavis.devices.drivers.buttons.keyboard import KeyLink
+from visavis.devices.drivers.voice.beside_keys import VoiceAndKeyboard
 from visavis.devices.drivers.voice.driver import VoiceKey
 from visavis.devices.drivers.voice.onset import OnsetDetector
-from visavis.devices.drivers.voice.spec import VOICE_KEY
+from visavis.devices.drivers.voice.spec import VOICE_AND_KEYBOARD, VOICE_KEY
 from visavis.devices.faults import FaultSchedule, WireFault
 from visavis.devices.registry import driver_wiring
 from visavis.devices.sim.microphone import SimulatedMicrophone
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock
+from visavis.lab.config import DeviceConfig
 from visavis.lab.errors import ConfigError, DeviceDisconnected, DeviceNotFound
 
 BEGIN_NS = 3 * NS_PER_S
 
 
 class Speaker(FixatingBody):
-    """Say something at session times (s), for some seconds each, with a breath before."""
+    """Say words at session times (s), with a breath before."""
 
-    def __init__(self, words_s, lasts_s=0.3):
-        times = [(round(t_s * NS_PER_S), round((t_s + lasts_s) * NS_PER_S)) for t_s in words_s]
-        pairs = [((on, "voice", 1.0), (off, "voice", 0.0)) for on, off in times]
-        super().__init__(presses=[press for pair in pairs for press in pair])
+    def __init__(self, words_s):
+        super().__init__(presses=[(round(t_s * NS_PER_S), "voice", 1.0) for t_s in words_s])
 
     def next_press_ns(self):
         return self._presses[0][0] if self._presses else None
@@ -34,9 +37,9 @@ class Speaker(FixatingBody):
 class Key:
     """A voice key that is streaming on a virtual clock, and what it delivered."""
 
-    def __init__(self, words_s=(), *, lasts_s=0.3, options=(), **microphone):
+    def __init__(self, words_s=(), *, options=(), **microphone):
         self.clock = SimClock(BEGIN_NS)
-        body = Speaker(words_s, lasts_s)
+        body = Speaker(words_s)
         self.library = SimulatedMicrophone(self.clock, body, **microphone)
         checked = VOICE_KEY.checked_options("responses", dict(options))
         self.device = VoiceKey(
@@ -91,7 +94,7 @@ def test_device_time_is_the_cards_and_the_session_time_follows_its_drift():
 
 def test_key_goes_up_when_it_was_quiet_for_as_long_as_the_lab_says():
     for release_ms in (200.0, 600.0):
-        key = Key([5.0], lasts_s=0.5, options={"release_ms": release_ms})
+        key = Key([5.0], word_s=0.5, options={"release_ms": release_ms})
         key.run(5.0)
         (up_s,) = key.times_s(0.0)
         # what was said fades over some tens of milliseconds until it is no louder than the room
@@ -113,6 +116,32 @@ def test_clicks_press_nothing_unless_least_ms_lets_them():
     hasty = Key(clicks_ns=clicks_ns, options={"least_ms": 5.0})
     hasty.run(6.0)
     assert hasty.times_s(1.0)
+
+
+@pytest.mark.parametrize(
+    ("loud_ms", "quiet_ms", "presses"),
+    [
+        (100, 0, 1),
+        (10, 9, 1),  # a deep voice: quiet between two pulses for less than 12 ms
+        (15, 14, 0),  # claps, none of which lasts for least_ms
+        (4, 11, 0),  # a rattle, which is loud for less than half of the time
+    ],
+)
+def test_sound_counts_that_is_loud_for_half_the_time_without_longer_holes(
+    loud_ms, quiet_ms, presses
+):
+    detector = OnsetDetector(48_000, threshold_db=15.0, least_ms=20.0, release_ms=300.0)
+    level = np.full(1000, 0.001)
+    at_ms = np.arange(600)
+    level[400:] = np.where(at_ms % (loud_ms + quiet_ms) < loud_ms, 0.1, 0.001)
+    sound = (np.repeat(level, 48) * np.tile([1.0, -1.0], 24_000)).astype(np.float32)
+    turns = [
+        turn
+        for n in range(100)
+        for turn in detector.feed(sound[480 * n : 480 * (n + 1)], n * 10 * NS_PER_MS)
+    ]
+    assert presses == sum(turn.is_down for turn in turns)
+    assert all(400 * NS_PER_MS == turn.t_card_ns for turn in turns if turn.is_down)
 
 
 @pytest.mark.parametrize(("above_db", "presses"), [(12.0, 0), (20.0, 1)])
@@ -147,6 +176,26 @@ def test_noise_that_was_switched_on_is_the_room_after_some_seconds():
     assert (1, 1) == (len(key.times_s(1.0)), len(key.times_s(0.0)))
 
 
+@pytest.mark.parametrize(("voice_db", "presses"), [(-80.0, 0), (-65.0, 1)])
+def test_microphone_that_sends_zeros_has_a_floor_of_90_db_below_full_scale(voice_db, presses):
+    key = Key([5.0], noise_db=-200.0, voice_db=voice_db)
+    key.run(3.0)
+    assert presses == len(key.times_s(1.0))
+
+
+def test_constant_offset_of_a_card_hides_no_voice():
+    detector = OnsetDetector(48_000, threshold_db=15.0, least_ms=20.0, release_ms=300.0)
+    rng = np.random.default_rng(1)
+    loud = np.where(np.arange(48_000) < 24_000, 0.0001, 0.01)
+    sound = (0.2 + loud * rng.normal(size=48_000)).astype(np.float32)
+    turns = [
+        turn
+        for n in range(100)
+        for turn in detector.feed(sound[480 * n : 480 * (n + 1)], n * 10 * NS_PER_MS)
+    ]
+    assert [500] == [round(turn.t_card_ns / NS_PER_MS) for turn in turns]
+
+
 def test_nothing_is_pressed_before_the_room_was_heard():
     detector = OnsetDetector(48_000, threshold_db=15.0, least_ms=20.0, release_ms=300.0)
     assert detector.floor_db is None
@@ -154,7 +203,7 @@ def test_nothing_is_pressed_before_the_room_was_heard():
 
 
 def test_who_speaks_already_at_the_start_is_heard_when_they_begin_anew():
-    key = Key([3.45, 5.0], lasts_s=0.4)
+    key = Key([3.45, 5.0], word_s=0.4)
     key.run(3.0)
     assert [5.0] == pytest.approx(key.times_s(1.0), abs=0.005)
     assert 1 == len(key.times_s(0.0))
@@ -188,7 +237,7 @@ def test_microphone_that_is_gone_is_told_once_and_found_again(kind, words):
 
 
 def test_key_that_was_down_when_the_microphone_went_presses_anew():
-    key = Key([5.0, 8.0], lasts_s=0.6, faults=FaultSchedule((WireFault("disconnect", 2.3, 0.5),)))
+    key = Key([5.0, 8.0], word_s=0.6, faults=FaultSchedule((WireFault("disconnect", 2.3, 0.5),)))
     with pytest.raises(DeviceDisconnected):
         key.run(4.0)
     key.run(4.0)
@@ -248,3 +297,82 @@ def test_options_that_make_no_sense_are_refused_by_name(option):
     (name,) = option
     with pytest.raises(ConfigError, match=rf"devices\.responses \(voice_key\): {name}"):
         VOICE_KEY.checked_options("responses", option)
+
+
+# ---- beside the keyboard ----
+
+
+class Both:
+    """A voice key beside a keyboard, in a window that somebody types into."""
+
+    def __init__(self, words_s, **microphone):
+        self.clock = SimClock(BEGIN_NS)
+        library = SimulatedMicrophone(self.clock, Speaker(words_s), **microphone)
+        options = VOICE_AND_KEYBOARD.checked_options("responses", {"keys": {"f": "same"}})
+        self.device = VoiceAndKeyboard(
+            "responses",
+            lambda: library,
+            KeyLink(self.clock),
+            self.clock,
+            spec=VOICE_AND_KEYBOARD,
+            options=options,
+            is_simulated=True,
+        )
+        self.rows = []
+        self.device.open(5.0)
+        self.clock.sleep_until_ns(self.clock.now_ns() + NS_PER_S // 2)
+        self.device.start(self.take)
+
+    def take(self, batch):
+        times_s = (batch.t_host_ns / NS_PER_S).tolist()
+        names = [self.device.controls[control] for control in batch.values["control"]]
+        levels = batch.values["value_01"].tolist()
+        self.rows += zip(times_s, names, levels, strict=True)
+
+    def run(self, until_s, typed=()):
+        """Poll every millisecond; `typed` are (time in s, key)."""
+        left = sorted(typed)
+        while self.clock.now_ns() < until_s * NS_PER_S:
+            self.clock.sleep_until_ns(self.clock.now_ns() + NS_PER_MS)
+            if left and self.clock.now_ns() >= left[0][0] * NS_PER_S:
+                self.device.hear(left.pop(0)[1], True)
+            self.device.poll(0.0)
+
+
+def test_keys_and_voice_come_in_one_stream_in_the_order_of_their_times():
+    both = Both([5.0])
+    both.run(6.0, typed=[(4.9, "f"), (5.01, "j"), (5.1, "f")])
+    times_s, names, levels = zip(*both.rows, strict=True)
+    assert ["same", "voice", "j", "same", "voice"] == list(names)
+    assert [1.0, 1.0, 1.0, 1.0, 0.0] == list(levels)
+    assert [4.9, 5.0, 5.01, 5.1] == pytest.approx(times_s[:4], abs=0.003)
+
+
+def test_keys_are_heard_while_the_microphone_is_away():
+    both = Both([], faults=FaultSchedule((WireFault("disconnect", 1.0, 9.0),)))
+    with pytest.raises(DeviceDisconnected):
+        both.run(6.0)
+    both.run(6.0, typed=[(5.0, "j")])
+    assert [("j", 1.0)] == [row[1:] for row in both.rows]
+    assert [5.0] == pytest.approx([row[0] for row in both.rows], abs=0.002)
+
+
+def test_somebody_simulated_speaks_and_types():
+    presses = [(4.0, "trigger"), (4.5, "voice"), (4.9, "j")]
+    body = FixatingBody(presses=[(round(t_s * NS_PER_S), name, 1.0) for t_s, name in presses])
+    options = VOICE_AND_KEYBOARD.checked_options("responses", {}).model_dump()
+    config = DeviceConfig(
+        role="responses", driver="voice_and_keyboard", simulated=True, options=options
+    )
+    clock = SimClock(BEGIN_NS)
+    with contextlib.ExitStack() as stack:
+        key = build_device(config, clock, body, 1, stack)
+        rows = []
+        key.open(1.0)
+        clock.sleep_until_ns(BEGIN_NS + NS_PER_S // 2)
+        key.start(lambda batch: rows.extend(batch.values["control"][batch.values["value_01"] > 0]))
+        while clock.now_ns() < 6 * NS_PER_S:
+            clock.sleep_until_ns(clock.now_ns() + 11 * NS_PER_MS)
+            key.poll(0.0)
+        key.close()
+    assert ["trigger", "voice", "j"] == [key.controls[control] for control in rows]

@@ -31,6 +31,8 @@ AGAIN_NS: Final = NS_PER_S
 STALLED_NS: Final = NS_PER_S
 """A microphone that sends nothing for so long is gone, whatever the system says."""
 KEPT_BLOCKS: Final = 2000
+BLOCK: Final = 480
+"""Samples that come at once: 10 ms at 48 kHz."""
 
 
 class _Block(NamedTuple):
@@ -40,13 +42,20 @@ class _Block(NamedTuple):
     at_s: float
 
 
+class Row(NamedTuple):
+    """A press or release: session time, the device's own, the control, and 1 or 0."""
+
+    t_host_ns: int
+    t_device_ns: int
+    control: str
+    value_01: float
+
+
 class VoiceKey(HasLife):
     """Follow the `ResponseInput` contract over PortAudio's input stream.
 
     `load` returns sounddevice or a stand-in; it is called when the device is opened.
     """
-
-    controls = (VOICE,)
 
     def __init__(
         self,
@@ -59,6 +68,7 @@ class VoiceKey(HasLife):
         is_simulated: bool = False,
     ) -> None:
         self._load, self._clock, self._spec, self._options = load, clock, spec, options
+        self.controls: tuple[str, ...] = (VOICE,)
         self._library: Any = None
         self._life = Lifecycle(role)
         self._stream: Any = None
@@ -102,12 +112,12 @@ class VoiceKey(HasLife):
     def poll(self, timeout_s: float) -> int:
         """Judge the blocks that came and deliver onsets and ends; see the contract."""
         self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
-        row_count = 0
         if self._life.state is DeviceState.FAULT:
             self._reconnect()
+            row_count = self._deliver(self._settled([]))
         else:
             self._card_clock.read(self._stream)
-            row_count = self._deliver(self._turns())
+            row_count = self._deliver(self._settled(self._rows_of(self._turns())))
             if not self._stream.active:
                 self._lose("the microphone stopped")
             if self._clock.now_ns() - self._heard_ns >= STALLED_NS:
@@ -166,6 +176,7 @@ class VoiceKey(HasLife):
                 device=self._options.device or None,
                 channels=1,
                 dtype="float32",
+                blocksize=BLOCK,  # left to itself, PulseAudio may hold sound back for seconds
                 latency="low",
                 callback=self._take,
             )
@@ -228,26 +239,36 @@ class VoiceKey(HasLife):
             turns += self._detector.feed(block.samples, round(block.at_s * NS_PER_S))
         return turns
 
-    def _deliver(self, turns: Sequence[Turn]) -> int:
+    def _rows_of(self, turns: Sequence[Turn]) -> list[Row]:
+        """Return the rows that onsets and ends make, in their order."""
         offset_ns = self._card_clock.offset_ns()
-        rows: list[Turn] = []
+        rows: list[Row] = []
         for turn in turns:
-            is_earlier = turn.is_down and turn.t_card_ns + offset_ns < self._from_ns
+            t_host_ns = turn.t_card_ns + offset_ns
+            is_earlier = turn.is_down and t_host_ns < self._from_ns
             # The end of what began before the start is none.
             if not is_earlier and turn.is_down != self._is_down:
                 self._is_down = turn.is_down
-                rows.append(turn)
+                rows.append(Row(t_host_ns, turn.t_card_ns, VOICE, float(turn.is_down)))
+        return rows
+
+    def _settled(self, rows: list[Row]) -> list[Row]:
+        """Return what may be delivered, given new rows, in the order of session time."""
+        return rows
+
+    def _deliver(self, rows: Sequence[Row]) -> int:
         if not rows or self._sink is None:
             return 0
-        card_ns = np.array([turn.t_card_ns for turn in rows], np.int64)
+        device_ns = np.array([row.t_device_ns for row in rows], np.int64)
         # A reading of the card's clock may differ from the one before by microseconds.
-        host_ns = np.maximum.accumulate(card_ns + offset_ns)
+        host_ns = np.maximum.accumulate(np.array([row.t_host_ns for row in rows], np.int64))
         host_ns = np.maximum(host_ns, self._last_host_ns)
         self._last_host_ns = int(host_ns[-1])
         values = np.zeros(len(rows), RESPONSES.dtype)
-        values["value_01"] = [turn.is_down for turn in rows]
+        values["control"] = [self.controls.index(row.control) for row in rows]
+        values["value_01"] = [row.value_01 for row in rows]
         seq = np.arange(self._seq, self._seq + len(rows), dtype=np.int64)
         self._seq += len(rows)
-        self._meter.update(card_ns.tolist(), self._last_host_ns)
-        self._sink(SampleBatch(RESPONSES, seq, card_ns, host_ns, values))
+        self._meter.update(host_ns.tolist(), self._last_host_ns)
+        self._sink(SampleBatch(RESPONSES, seq, device_ns, host_ns, values))
         return len(rows)

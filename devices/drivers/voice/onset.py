@@ -68,7 +68,7 @@ class OnsetDetector:
         self._quiet_powers: list[float] = []
         self._began_ns: int | None = None
         self._loud_frames = 0
-        self._last_loud_ns = 0
+        self._last_loud_ns = self._judged_ns = 0
         self._raised_ns: deque[int] = deque(maxlen=LOOK_BACK_NS // NS_PER_MS + 1)
         self.is_down = False
 
@@ -79,6 +79,13 @@ class OnsetDetector:
             return None
         place = int(FLOOR_QUANTILE_01 * len(self._floor_db))
         return max(SILENCE_DB, float(np.partition(np.array(self._floor_db), place)[place]))
+
+    @property
+    def settled_ns(self) -> int:
+        """The card's time before which nothing turns any more."""
+        if self._began_ns is not None and not self.is_down:
+            return min(self._began_ns, self._judged_ns - LOOK_BACK_NS)
+        return self._judged_ns - LOOK_BACK_NS
 
     def feed(self, samples: npt.NDArray[np.float32], t_card_ns: int) -> list[Turn]:
         """Take a block (n,) whose first sample was converted at `t_card_ns`; return what turned."""
@@ -103,7 +110,7 @@ class OnsetDetector:
         return turns
 
     def _judge(self, t_ns: int, power: float, is_loud: bool, turns: list[Turn]) -> None:
-        end_ns = t_ns + self._frame_ns
+        end_ns = self._judged_ns = t_ns + self._frame_ns
         is_apart = t_ns - self._last_loud_ns > HOLE_NS
         if not self.is_down and is_apart:
             self._began_ns = None
@@ -119,6 +126,8 @@ class OnsetDetector:
             if self._began_ns is not None and lasted_ns >= self._least_ns and is_dense:
                 self.is_down = True
                 turns.append(Turn(self._began_ns, True))
+            elif lasted_ns >= 2 * self._least_ns:
+                self._began_ns = None  # a rattle, whose clicks begin no voice
         elif self.is_down and end_ns - self._last_loud_ns >= self._release_ns:
             self.is_down, self._began_ns = False, None
             turns.append(Turn(self._last_loud_ns + self._release_ns, False))

@@ -1,9 +1,11 @@
 """The voice key: its options and its description."""
 
+from dataclasses import replace
 from typing import ClassVar
 
 from pydantic import Field
 
+from visavis.devices.drivers.buttons.spec import KEYS, ButtonNames
 from visavis.devices.libraries import SOUNDDEVICE
 from visavis.devices.options import SimulatedOptions
 from visavis.devices.spec import AnySpec, Claims, DriverSpec, Product, Wire
@@ -53,4 +55,36 @@ VOICE_KEY: AnySpec = DriverSpec(
         ),
     ),
 )
-SPECS = (VOICE_KEY,)
+
+
+class VoiceAndKeyboardOptions(VoiceKeyOptions):
+    """Options of `voice_and_keyboard`: those of `voice_key`, and what studies call keys."""
+
+    controls: ClassVar = ()
+    buttons: ClassVar = (*KEYS, VOICE)
+
+    keys: ButtonNames = Field(default_factory=lambda: {"space": "trigger", "enter": "select"})
+
+
+VOICE_AND_KEYBOARD: AnySpec = replace(
+    VOICE_KEY,
+    name="voice_and_keyboard",
+    options=VoiceAndKeyboardOptions,
+    product=Product(
+        vendor="PortAudio",
+        model="microphone and keyboard",
+        capabilities=frozenset({"voice", "keys"}),
+    ),
+    wire=Wire(
+        medium="the system's sound input and the window's events",
+        carries="nothing",
+        library=SOUNDDEVICE,
+        hears_window=True,
+    ),
+    claims=Claims(
+        stands_for="a microphone and the keyboard of this computer, as one response device",
+        checked="as voice_key and keyboard; their order on a stand-in",
+        unproven="as voice_key and keyboard",
+    ),
+)
+SPECS = (VOICE_KEY, VOICE_AND_KEYBOARD)

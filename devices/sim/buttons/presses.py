@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from visavis.devices.byte_links import Chunk
-from visavis.devices.contracts import Body
+from visavis.devices.contracts import Hand
 from visavis.devices.faults import FaultSchedule
 from visavis.lab.clock import NS_PER_MS, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
@@ -30,7 +30,7 @@ class PressingPeer:
 
     def __init__(
         self,
-        body: Body,
+        body: Hand,
         clock: Clock,
         faults: FaultSchedule | None,
         names: Mapping[str, str],

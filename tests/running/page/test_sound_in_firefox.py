@@ -1,7 +1,5 @@
 """Sounds and films of a page in Firefox, heard at the speakers of a sound server."""
 
-import os
-import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -15,7 +13,8 @@ import pytest
 from benchmarks.film_in_step import RATE_HZ, TONE_HZ, write_film
 from tests.running.page.test_browser import PATIENCE_S, Server, other_steps_on, server
 from tests.running.page.test_videos_in_browser import PICTURE
-from visavis.lab.clock import StopWatch, SystemClock
+from tests.sound_server import SPEAKER_HZ, sound_server
+from visavis.lab.clock import StopWatch
 from visavis.recording.reader import Recording
 
 pytest.importorskip("av")
@@ -24,7 +23,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]  # a browser
 
 __all__ = ["server"]  # the fixture
 
-SPEAKER_HZ = 48_000
 PITCHES_HZ = (600, 900)
 BLOCK = 4800
 """Samples in which a pitch is looked for: a tenth of a second."""
@@ -56,34 +54,16 @@ def speakers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A sound server with speakers that nobody hears; yields the file of what they play, two
     channels of float32.
     """
-    if not (shutil.which("pulseaudio") and shutil.which("parec")):
-        pytest.skip("there is no sound server; apt install pulseaudio pulseaudio-utils")
-    own = tmp_path / "pulse"
-    own.mkdir(mode=0o700)
-    address = f"unix:{own / 'socket'}"
-    monkeypatch.setenv("PULSE_SERVER", address)
-    here = os.environ | {"HOME": str(own), "XDG_RUNTIME_DIR": str(own)}
-    load = [
-        f"module-null-sink sink_name=ears rate={SPEAKER_HZ}",
-        f"module-native-protocol-unix auth-anonymous=1 socket={own / 'socket'}",
-    ]
-    words = ["pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "--disallow-exit"]
-    words += [word for module in load for word in ("-L", module)]
-    file = own / "played.raw"
-    with file.open("wb") as played:
-        playing = subprocess.Popen(words, env=here, stderr=subprocess.DEVNULL)
-        clock, watch = SystemClock(), StopWatch()
-        while not (own / "socket").exists():
-            assert watch.elapsed_s() < PATIENCE_S, "the sound server did not start"
-            clock.sleep_until_ns(clock.now_ns() + 50_000_000)
+    file = tmp_path / "played.raw"
+    with sound_server(tmp_path / "pulse") as here, file.open("wb") as played:
+        monkeypatch.setenv("PULSE_SERVER", here["PULSE_SERVER"])
         listen = ["parec", "-d", "ears.monitor", "--format=float32le", "--channels=2"]
         hearing = subprocess.Popen([*listen, f"--rate={SPEAKER_HZ}"], env=here, stdout=played)
         try:
             yield file
         finally:
-            for process in (hearing, playing):
-                process.send_signal(signal.SIGTERM)
-                process.wait(timeout=PATIENCE_S)
+            hearing.send_signal(signal.SIGTERM)
+            hearing.wait(timeout=PATIENCE_S)
 
 
 def pitches_of(samples: npt.NDArray[np.float32]) -> list[float]:
