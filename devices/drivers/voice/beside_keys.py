@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from visavis.devices.byte_links import ByteLink
-from visavis.devices.contracts import DeviceState, Sink
+from visavis.devices.contracts import DeviceState, Fault, Sink
 from visavis.devices.drivers.buttons.keyboard import Keyboard
 from visavis.devices.drivers.voice.driver import Row, VoiceKey
 from visavis.devices.drivers.voice.spec import VoiceAndKeyboardOptions
@@ -61,7 +61,7 @@ class VoiceAndKeyboard(VoiceKey):
         super().close()
         self._keyboard.close()
 
-    def check(self) -> tuple[Any, ...]:
+    def check(self) -> tuple[Fault, ...]:
         """Report what is wrong with the microphone, and keys without a name."""
         return (*super().check(), *self._keyboard.check())
 

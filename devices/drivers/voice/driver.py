@@ -103,8 +103,7 @@ class VoiceKey(HasLife):
         self._life.require("start", DeviceState.OPEN)
         self._begin()
         self._card_clock.read(self._stream)
-        for _ in self._turns():
-            pass
+        self._turns()  # only the room's level counts of what was heard so far
         self._from_ns = self._last_host_ns = self._heard_ns = self._clock.now_ns()
         self._sink = sink
         self._life.state = DeviceState.STREAMING
@@ -181,6 +180,7 @@ class VoiceKey(HasLife):
                 callback=self._take,
             )
             self._blocks.clear()
+            self._has_stamps = True
             self._detector = OnsetDetector(
                 self._stream.samplerate,
                 threshold_db=self._options.threshold_db,

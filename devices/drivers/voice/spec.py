@@ -22,7 +22,7 @@ class VoiceKeyOptions(SimulatedOptions):
     block's last sample to its arrival, and how fast the card's crystal runs.
     """
 
-    controls: ClassVar = (VOICE,)
+    controls: ClassVar[tuple[str, ...]] = (VOICE,)
 
     device: str = ""
     threshold_db: float = Field(default=15.0, ge=6, le=60)

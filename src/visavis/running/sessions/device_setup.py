@@ -171,8 +171,8 @@ def _check_keys(config: LabConfig, device: DeviceConfig, experiment: Experiment)
         if controls and key not in controls:
             raise ConfigError(
                 f"{asks} is not one of {', '.join(controls)} of devices.responses; name this "
-                "control in the configuration (a driver that has it, such as keyboard), or ask for "
-                "one of these"
+                "control in the configuration (a driver that has it, such as "
+                f"{'voice_key' if key == 'voice' else 'keyboard'}), or ask for one of these"
             )
         if names.get(key, key) != key and key not in names.values():
             raise ConfigError(
@@ -181,6 +181,8 @@ def _check_keys(config: LabConfig, device: DeviceConfig, experiment: Experiment)
             )
         if buttons and key not in of_buttons:
             near = did_you_mean(key.strip().lower() or "space", of_buttons)
+            if key == "voice":
+                near = "; the drivers voice_key and voice_and_keyboard hear somebody speak"
             raise ConfigError(f"{asks} is no key of devices.responses{near}")
 
 
