@@ -41,13 +41,13 @@ class Key:
         self.clock = SimClock(BEGIN_NS)
         body = Speaker(words_s)
         self.library = SimulatedMicrophone(self.clock, body, **microphone)
-        checked = VOICE_KEY.checked_options("responses", dict(options))
+        voice_options = VOICE_KEY.checked_options("responses", dict(options))
         self.device = VoiceKey(
             "responses",
             lambda: self.library,
             self.clock,
             spec=VOICE_KEY,
-            options=checked,
+            options=voice_options,
             is_simulated=True,
         )
         self.batches = []
@@ -210,8 +210,8 @@ def test_who_speaks_already_at_the_start_is_heard_when_they_begin_anew():
 
 
 def test_blocks_that_come_late_give_the_same_onset():
-    held_back = FaultSchedule((WireFault("burst", 1.9, 0.3),))
-    key = Key([5.0], faults=held_back)
+    late_blocks = FaultSchedule((WireFault("burst", 1.9, 0.3),))
+    key = Key([5.0], faults=late_blocks)
     key.run(3.0)
     assert [5.0] == pytest.approx(key.times_s(1.0), abs=0.005)
 
@@ -329,9 +329,9 @@ class Both:
         levels = batch.values["value_01"].tolist()
         self.rows += zip(times_s, names, levels, strict=True)
 
-    def run(self, until_s, typed=()):
-        """Poll every millisecond; `typed` are (time in s, key)."""
-        left = sorted(typed)
+    def run(self, until_s, keystrokes=()):
+        """Poll every millisecond; `keystrokes` are (time in s, key)."""
+        left = sorted(keystrokes)
         while self.clock.now_ns() < until_s * NS_PER_S:
             self.clock.sleep_until_ns(self.clock.now_ns() + NS_PER_MS)
             if left and self.clock.now_ns() >= left[0][0] * NS_PER_S:
@@ -341,7 +341,7 @@ class Both:
 
 def test_keys_and_voice_come_in_one_stream_in_the_order_of_their_times():
     both = Both([5.0])
-    both.run(6.0, typed=[(4.9, "f"), (5.01, "j"), (5.1, "f")])
+    both.run(6.0, keystrokes=[(4.9, "f"), (5.01, "j"), (5.1, "f")])
     times_s, names, levels = zip(*both.rows, strict=True)
     assert ["same", "voice", "j", "same", "voice"] == list(names)
     assert [1.0, 1.0, 1.0, 1.0, 0.0] == list(levels)
@@ -352,7 +352,7 @@ def test_keys_are_heard_while_the_microphone_is_away():
     both = Both([], faults=FaultSchedule((WireFault("disconnect", 1.0, 9.0),)))
     with pytest.raises(DeviceDisconnected):
         both.run(6.0)
-    both.run(6.0, typed=[(5.0, "j")])
+    both.run(6.0, keystrokes=[(5.0, "j")])
     assert [("j", 1.0)] == [row[1:] for row in both.rows]
     assert [5.0] == pytest.approx([row[0] for row in both.rows], abs=0.002)
 

@@ -18,7 +18,7 @@ TONE_S = 0.5
 PLAYER = ["pacat", "-d", "ears", "--format=float32le", "--channels=1", f"--rate={RATE_HZ}"]
 
 
-def listened() -> dict[str, object]:
+def listen() -> dict[str, object]:
     """Return what the key delivered over five seconds, with a tone after two."""
     clock = SystemClock()
     key = driver_wiring("voice_key").on_wire("responses", clock, device="pulse")
@@ -43,4 +43,4 @@ def listened() -> dict[str, object]:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(json.dumps(listened()))
+    sys.stdout.write(json.dumps(listen()))

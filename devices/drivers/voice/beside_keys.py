@@ -72,13 +72,13 @@ class VoiceAndKeyboard(VoiceKey):
             control = self._keyboard.controls[row["control"]]
             self._waiting.append(Row(t_ns, t_device_ns, control, float(row["value_01"])))
 
-    def _settled(self, rows: list[Row]) -> list[Row]:
+    def _final_rows(self, rows: list[Row]) -> list[Row]:
         """Return voices, and the keys before which no voice can begin any more."""
         self._keyboard.poll(0.0)
         until_ns = self._clock.now_ns()
         if self._life.state is DeviceState.STREAMING and self._detector is not None:
-            until_ns = self._detector.settled_ns + self._card_clock.offset_ns()
+            until_ns = self._detector.final_until_ns + self._card_clock.offset_ns()
         self._waiting = sorted([*self._waiting, *rows], key=lambda row: row.t_host_ns)
         count = sum(row.t_host_ns <= until_ns for row in self._waiting)
-        settled, self._waiting = self._waiting[:count], self._waiting[count:]
-        return settled
+        final_rows, self._waiting = self._waiting[:count], self._waiting[count:]
+        return final_rows

@@ -78,7 +78,7 @@ class VoiceKey(HasLife):
         self._sink: Sink | None = None
         self._has_stamps = True
         self._is_down = False
-        self._from_ns = self._last_host_ns = self._heard_ns = self._retry_ns = 0
+        self._from_ns = self._last_host_ns = self._last_block_ns = self._retry_ns = 0
         self._begin()
         self.info = replace(
             spec.info(role, None),
@@ -104,7 +104,7 @@ class VoiceKey(HasLife):
         self._begin()
         self._card_clock.read(self._stream)
         self._turns()  # only the room's level counts of what was heard so far
-        self._from_ns = self._last_host_ns = self._heard_ns = self._clock.now_ns()
+        self._from_ns = self._last_host_ns = self._last_block_ns = self._clock.now_ns()
         self._sink = sink
         self._life.state = DeviceState.STREAMING
 
@@ -113,13 +113,13 @@ class VoiceKey(HasLife):
         self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
         if self._life.state is DeviceState.FAULT:
             self._reconnect()
-            row_count = self._deliver(self._settled([]))
+            row_count = self._deliver(self._final_rows([]))
         else:
             self._card_clock.read(self._stream)
-            row_count = self._deliver(self._settled(self._rows_of(self._turns())))
+            row_count = self._deliver(self._final_rows(self._rows_of(self._turns())))
             if not self._stream.active:
                 self._lose("the microphone stopped")
-            if self._clock.now_ns() - self._heard_ns >= STALLED_NS:
+            if self._clock.now_ns() - self._last_block_ns >= STALLED_NS:
                 self._lose("the microphone sends nothing")
         if timeout_s > 0 and not row_count:
             self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
@@ -197,7 +197,7 @@ class VoiceKey(HasLife):
                 role=self.info.role,
                 remedy=self._spec.remedy,
             ) from problem
-        self._heard_ns = self._clock.now_ns()
+        self._last_block_ns = self._clock.now_ns()
 
     def _release(self) -> None:
         stream, self._stream = self._stream, None
@@ -235,7 +235,7 @@ class VoiceKey(HasLife):
         turns: list[Turn] = []
         while self._blocks and self._detector is not None:
             block = self._blocks.popleft()
-            self._heard_ns = self._clock.now_ns()
+            self._last_block_ns = self._clock.now_ns()
             turns += self._detector.feed(block.samples, round(block.at_s * NS_PER_S))
         return turns
 
@@ -252,7 +252,7 @@ class VoiceKey(HasLife):
                 rows.append(Row(t_host_ns, turn.t_card_ns, VOICE, float(turn.is_down)))
         return rows
 
-    def _settled(self, rows: list[Row]) -> list[Row]:
+    def _final_rows(self, rows: list[Row]) -> list[Row]:
         """Return what may be delivered, given new rows, in the order of session time."""
         return rows
 

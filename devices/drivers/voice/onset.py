@@ -27,7 +27,7 @@ FRAMES_OF_FLOOR: Final = 10
 HOLE_NS: Final = 12 * NS_PER_MS
 """A voice may be quiet for so long between two pulses: the period of the deepest voices."""
 LOOK_BACK_NS: Final = 4 * NS_PER_MS
-RAISED_01: Final = 2 / 3
+RISE_SHARE_01: Final = 2 / 3
 """A voice that rises slowly began before it was loud: where it rose above this share of the
 threshold (in dB), at most so long before. A breath stays below it more often than not.
 """
@@ -69,7 +69,7 @@ class OnsetDetector:
         self._began_ns: int | None = None
         self._loud_frames = 0
         self._last_loud_ns = self._judged_ns = 0
-        self._raised_ns: deque[int] = deque(maxlen=LOOK_BACK_NS // NS_PER_MS + 1)
+        self._rises_ns: deque[int] = deque(maxlen=LOOK_BACK_NS // NS_PER_MS + 1)
         self.is_down = False
 
     @property
@@ -81,7 +81,7 @@ class OnsetDetector:
         return max(SILENCE_DB, float(np.partition(np.array(self._floor_db), place)[place]))
 
     @property
-    def settled_ns(self) -> int:
+    def final_until_ns(self) -> int:
         """The card's time before which nothing turns any more."""
         if self._began_ns is not None and not self.is_down:
             return min(self._began_ns, self._judged_ns - LOOK_BACK_NS)
@@ -97,16 +97,16 @@ class OnsetDetector:
         powers = np.square(frames.reshape(n, self._samples)).mean(axis=1)
         floor_db = self.floor_db
         if floor_db is None:
-            loud = raised = np.inf
+            loud_power = rise_power = np.inf
         else:
-            loud = 10 ** ((floor_db + self._threshold_db) / 10)
-            raised = 10 ** ((floor_db + RAISED_01 * self._threshold_db) / 10)
+            loud_power = 10 ** ((floor_db + self._threshold_db) / 10)
+            rise_power = 10 ** ((floor_db + RISE_SHARE_01 * self._threshold_db) / 10)
         turns: list[Turn] = []
         for k, power in enumerate(powers.tolist()):
             t_ns = first_ns + k * self._frame_ns
-            if power > raised:
-                self._raised_ns.append(t_ns)
-            self._judge(t_ns, power, power > loud, turns)
+            if power > rise_power:
+                self._rises_ns.append(t_ns)
+            self._judge(t_ns, power, power > loud_power, turns)
         return turns
 
     def _judge(self, t_ns: int, power: float, is_loud: bool, turns: list[Turn]) -> None:
@@ -116,7 +116,7 @@ class OnsetDetector:
             self._began_ns = None
         if is_loud:
             if self._began_ns is None:
-                self._began_ns = min(at for at in self._raised_ns if at >= t_ns - LOOK_BACK_NS)
+                self._began_ns = min(at for at in self._rises_ns if at >= t_ns - LOOK_BACK_NS)
                 self._loud_frames = 0
             self._loud_frames += 1
             self._last_loud_ns = end_ns

@@ -17,7 +17,7 @@ from visavis.devices.drivers.voice.spec import (
     VoiceKeyOptions,
 )
 from visavis.devices.sim.buttons.keyboard import PressedKeys
-from visavis.devices.sim.buttons.parted import parted
+from visavis.devices.sim.buttons.two_hands import part_presses
 from visavis.devices.sim.microphone import SimulatedMicrophone
 from visavis.devices.sync.audio import sound_library
 from visavis.devices.wiring import Site, Wiring
@@ -88,7 +88,7 @@ def _real_both(site: Site[VoiceAndKeyboardOptions]) -> LoadAndLink:
 
 
 def _simulated_both(site: Site[VoiceAndKeyboardOptions]) -> LoadAndLink:
-    mouth, hand = parted(site.watched, VOICE)
+    mouth, hand = part_presses(site.watched, VOICE)
     names = {control: key for key, control in site.options.keys.items()}
     link = MemoryLink(PressedKeys(hand, site.clock, None, names), site.clock)
     return LoadAndLink(SimulatedLibrary(site, mouth), link, is_simulated=True)

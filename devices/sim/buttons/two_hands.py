@@ -41,7 +41,7 @@ class _Part:
             yield waiting.pop(0)
 
 
-def parted(body: Hand, control: str) -> tuple[Hand, Hand]:
+def part_presses(body: Hand, control: str) -> tuple[Hand, Hand]:
     """Return two hands: what presses `control`, and what presses all others."""
     source = _Source(body, control)
     return _Part(source, 0), _Part(source, 1)
