@@ -331,11 +331,11 @@ class Both:
 
     def run(self, until_s, keystrokes=()):
         """Poll every millisecond; `keystrokes` are (time in s, key)."""
-        left = sorted(keystrokes)
+        coming = sorted(keystrokes)
         while self.clock.now_ns() < until_s * NS_PER_S:
             self.clock.sleep_until_ns(self.clock.now_ns() + NS_PER_MS)
-            if left and self.clock.now_ns() >= left[0][0] * NS_PER_S:
-                self.device.hear(left.pop(0)[1], True)
+            if coming and self.clock.now_ns() >= coming[0][0] * NS_PER_S:
+                self.device.hear(coming.pop(0)[1], True)
             self.device.poll(0.0)
 
 
