@@ -16,6 +16,7 @@ import select
 import signal
 import socket
 import sys
+import tempfile
 from types import FrameType, ModuleType
 from typing import Any, Final
 
@@ -128,6 +129,7 @@ def _perform(descriptors: list[int]) -> None:
     os.chdir(what_to_run["cwd"])
     os.environ.clear()
     os.environ.update(what_to_run["env"])
+    tempfile.tempdir = None  # of its own environment
     sys.modules["numpy"].random.seed()
     arguments: list[str] = what_to_run["arguments"]
     sys.orig_argv[:] = [sys.executable, *arguments]

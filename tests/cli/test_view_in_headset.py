@@ -4,6 +4,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -348,7 +349,7 @@ def test_a_page_for_a_headset_is_served_by_a_code_and_nothing_of_it_is_left(
     session = next(page.parent.glob("simulated/duel/sub-*/ses-001"))
     words = ["view", str(session), "--trial", "T01", "--headset"]
     server = subprocess.Popen(
-        [*COMMAND, *words],
+        [sys.executable, *COMMAND, *words],
         cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
