@@ -217,10 +217,10 @@ class Commands:
         )
         try:
             out, err = process.communicate(timeout=timeout)
-        except BaseException:
-            process.kill()
-            process.communicate()
-            raise
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.communicate()
         return subprocess.CompletedProcess(arguments, process.returncode, out, err)
 
     def close(self) -> None:

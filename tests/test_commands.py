@@ -19,7 +19,7 @@ from visavis.lab.config_files import EXAMPLE
 
 pytestmark = [
     pytest.mark.slow,  # the server takes longer to start than most of the tests
-    pytest.mark.skipif(os.name != "posix", reason="nothing can be forked"),
+    pytest.mark.skipif(os.name != "posix", reason="Windows forks no process"),
     pytest.mark.timeout(600),
 ]
 

@@ -342,7 +342,7 @@ def test_a_page_without_headset_has_no_button(page: Path, browser: Any) -> None:
 
 @pytest.mark.slow  # a browser
 @pytest.mark.timeout(600)
-@pytest.mark.skipif(os.name == "nt", reason="signals")
+@pytest.mark.skipif(os.name == "nt", reason="Windows ends no process by SIGTERM")
 def test_a_page_for_a_headset_is_served_by_a_code_and_nothing_of_it_is_left(
     page: Path, browser: Any, tmp_path: Path
 ) -> None:

@@ -40,11 +40,11 @@ class Key:
     def __init__(self, words_s=(), *, options=(), **microphone):
         self.clock = SimClock(BEGIN_NS)
         body = Speaker(words_s)
-        self.library = SimulatedMicrophone(self.clock, body, **microphone)
+        self.card = SimulatedMicrophone(self.clock, body, **microphone)
         voice_options = VOICE_KEY.checked_options("responses", dict(options))
         self.device = VoiceKey(
             "responses",
-            lambda: self.library,
+            lambda: self.card,
             self.clock,
             spec=VOICE_KEY,
             options=voice_options,
@@ -87,7 +87,7 @@ def test_device_time_is_the_cards_and_the_session_time_follows_its_drift():
     key = Key([40.0], drift_ppm=300.0)
     key.run(38.0)
     card_s = key.batches[0].t_device_ns[0] / NS_PER_S
-    assert key.library.card_s(40 * NS_PER_S) == pytest.approx(card_s, abs=0.005)
+    assert key.card.card_s(40 * NS_PER_S) == pytest.approx(card_s, abs=0.005)
     assert [40.0] == pytest.approx(key.times_s(1.0), abs=0.005)
     assert len(key.device.clock_pairs()) > 100
 
@@ -160,7 +160,7 @@ def test_another_threshold_counts_what_is_softer():
 def test_noise_that_rises_slowly_is_the_room_and_a_voice_above_it_is_heard():
     key = Key([24.0])
     for step in range(20):
-        key.library.noise_db = -70.0 + 1.5 * step
+        key.card.noise_db = -70.0 + 1.5 * step
         key.run(1.0)
     key.run(3.0)
     assert [24.0] == pytest.approx(key.times_s(1.0), abs=0.005)
@@ -169,7 +169,7 @@ def test_noise_that_rises_slowly_is_the_room_and_a_voice_above_it_is_heard():
 def test_noise_that_was_switched_on_is_the_room_after_some_seconds():
     key = Key()
     key.run(2.0)
-    key.library.noise_db = -35.0
+    key.card.noise_db = -35.0
     key.run(9.0)
     assert (1, 0) == (len(key.times_s(1.0)), len(key.times_s(0.0)))
     key.run(6.0)
@@ -307,11 +307,11 @@ class Both:
 
     def __init__(self, words_s, **microphone):
         self.clock = SimClock(BEGIN_NS)
-        library = SimulatedMicrophone(self.clock, Speaker(words_s), **microphone)
+        card = SimulatedMicrophone(self.clock, Speaker(words_s), **microphone)
         options = VOICE_AND_KEYBOARD.checked_options("responses", {"keys": {"f": "same"}})
         self.device = VoiceAndKeyboard(
             "responses",
-            lambda: library,
+            lambda: card,
             KeyLink(self.clock),
             self.clock,
             spec=VOICE_AND_KEYBOARD,
@@ -376,3 +376,15 @@ def test_somebody_simulated_speaks_and_types():
             key.poll(0.0)
         key.close()
     assert ["trigger", "voice", "j"] == [key.controls[control] for control in rows]
+
+
+@pytest.mark.parametrize(("before_db", "early_ms"), [(12.0, 3), (8.0, 0)])
+def test_an_onset_is_where_the_voice_rose_above_two_thirds_of_the_threshold(before_db, early_ms):
+    """Sound of 1 kHz: the room, 3 ms somewhat louder, and a voice 30 dB above the room."""
+    detector = OnsetDetector(48_000, threshold_db=15, least_ms=20, release_ms=300)
+    levels_db = np.repeat([-70.0, -70.0 + before_db, -40.0], [500, 3, 100])
+    wave = np.sin(2 * np.pi * np.arange(48) / 48)
+    samples = (10 ** (levels_db[:, None] / 20) * wave).ravel().astype(np.float32)
+    blocks = samples.reshape(-1, 48 * 3)
+    turns = [t for k, b in enumerate(blocks) for t in detector.feed(b, k * 3 * NS_PER_MS)]
+    assert [((503 - early_ms) * NS_PER_MS, True)] == turns

@@ -23,8 +23,8 @@ def counts() -> Counts:
     softly = {**os.environ, "GALLIUM_NOOP": "1", "LIBGL_ALWAYS_SOFTWARE": "1"}
     process = COMMANDS.run("-m", "tests.stage.gl_counts", cwd=ROOT, env=softly)
     assert 0 == process.returncode, process.stderr
-    found: Counts = json.loads(process.stdout)
-    return found
+    counts: Counts = json.loads(process.stdout)
+    return counts
 
 
 @pytest.mark.parametrize(("scene", "most"), [("stare", 25), ("crowd", 40)])

@@ -209,7 +209,7 @@ def test_where_no_certificate_can_be_made_the_ways_out_are_told(tmp_path: Path) 
     without = "import sys; sys.modules['cryptography'] = None; from visavis.cli.main import main"
     arguments = ["serve", "./many.py", "--devices", "sim", "--lan", "--host", "localhost"]
     process = COMMANDS.run("-c", f"{without}; main()", *arguments, cwd=tmp_path, timeout=60)
-    said = " ".join((process.stdout + process.stderr).split())
+    output = " ".join((process.stdout + process.stderr).split())
     assert 0 != process.returncode
     for way_out in ("visavis[lan]", "--certificate", "adb reverse"):
-        assert way_out in said
+        assert way_out in output

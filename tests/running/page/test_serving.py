@@ -28,7 +28,7 @@ def trial(t):
 COMMAND = ["-c", "from visavis.cli.main import main; main()"]
 
 
-def begun(root: Path, port: str = "0") -> tuple[RunningCommand, str]:
+def start_server(root: Path, port: str = "0") -> tuple[RunningCommand, str]:
     """Begin a server; return it with its address."""
     server = COMMANDS.start(
         *[*COMMAND, "serve", "./many.py", "--port", port, "--devices", "sim"],
@@ -85,14 +85,14 @@ def answered(base: str, key: str, steps: int) -> dict[str, Any]:
 def test_a_killed_server_goes_on_at_the_same_step(tmp_path: Path) -> None:
     (tmp_path / "many.py").write_text(STUDY, encoding="utf-8")
     assert 0 == COMMANDS.run(*COMMAND, "init", cwd=tmp_path).returncode
-    server, base = begun(tmp_path)
+    server, base = start_server(tmp_path)
     try:
         key = post(base, "/api/arrive", {"parameters": {}})["key"]
         before = answered(base, key, 3)
     finally:
         server.kill()
         server.communicate()
-    server, base = begun(tmp_path, base.rpartition(":")[2])
+    server, base = start_server(tmp_path, base.rpartition(":")[2])
     try:
         assert before == {k: v for k, v in answered(base, key, 0).items() if k in before}
         assert {"kind": "end", "outcome": "done"} == answered(base, key, 99)["step"]
@@ -112,7 +112,7 @@ def test_who_began_goes_on_where_a_study_now_needs_what_no_page_has_and_nobody_n
 ) -> None:
     (tmp_path / "many.py").write_text(STUDY, encoding="utf-8")
     assert 0 == COMMANDS.run(*COMMAND, "init", cwd=tmp_path).returncode
-    server, base = begun(tmp_path)
+    server, base = start_server(tmp_path)
     try:
         key = post(base, "/api/arrive", {"parameters": {}})["key"]
         answered(base, key, 3)
@@ -120,7 +120,7 @@ def test_who_began_goes_on_where_a_study_now_needs_what_no_page_has_and_nobody_n
         server.kill()
         server.communicate()
     (tmp_path / "many.py").write_text(STUDY.replace("uses=()", 'needs=["eye_tracker"]'), "utf-8")
-    server, base = begun(tmp_path)
+    server, base = start_server(tmp_path)
     try:
         assert "failed" == post(base, "/api/arrive", {"parameters": {}})["refused"]
         assert {"kind": "end", "outcome": "done"} == answered(base, key, 99)["step"]
