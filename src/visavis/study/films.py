@@ -37,6 +37,12 @@ SOUND_COLUMNS: Final = (
 """Beside `FILM_COLUMNS` where films have a voice."""
 FILM_COLUMNS: Final = (
     Column("wait_ms", "ms", "from the page's step to the first picture that was presented"),
+    Column(
+        "first_at_ms",
+        "ms",
+        "where in the film that picture stood (of a pair: the later one): those before it were not "
+        "presented, or the browser said so late, and times from it are so much shorter",
+    ),
     Column("rounds", "1", "whole rounds that were shown (of a pair: of the one with fewer)"),
     Column("frames_dropped", "1", "pictures of the film that the browser did not present"),
     Column("stalls", "1", "times the film stood still because the browser waited for it"),

@@ -354,7 +354,8 @@ def test_from_consent_to_thanks_with_a_reload_a_second_tab_and_a_server_killed(
     counted = rows[~rows["is_practice"]]
     assert (counted["film_frames"] > 0).all()
     assert (counted["film_rounds"] >= 1).all()
-    assert (counted["lively_ms"] > 400).all()  # a round of half a second, or a frame less
+    # A round of half a second, or a frame less; a busy browser presents its first picture late.
+    assert (counted["film_first_at_ms"] + counted["lively_ms"] > 400).all(), counted
     assert (rows["film_sha256"].str.len() == 64).all()
     assert set(counted["lively_by"]) <= {"mouse", "keys"}
     assert [] == problems
@@ -557,6 +558,7 @@ def test_in_firefox_from_consent_to_thanks_with_a_reload(
     counted = rows[~rows["is_practice"]]
     assert (counted["film_frames"] > 0).all()
     assert (counted["film_rounds"] >= 1).all()
-    assert (counted["lively_ms"] > 400).all()  # a round of half a second, or a frame less
+    # A round of half a second, or a frame less; a busy browser presents its first picture late.
+    assert (counted["film_first_at_ms"] + counted["lively_ms"] > 400).all(), counted
     assert (rows["film_sha256"].str.len() == 64).all()
     assert "Firefox/" in str(list(recording.events()["payload"]))

@@ -268,7 +268,7 @@ def test_response_time_runs_from_the_first_picture_that_was_presented(tmp_path: 
         while page.desk.state()["step"]["kind"] != "watch":
             page.answer()
         sent = page.event()
-        sent["reply"]["films"]["film"]["first_ms"] = 5000.0
+        sent["reply"]["films"]["film"] |= {"first_ms": 5000.0, "first_at_ms": 260.0}
         sent["reply"]["answers"]["lively"]["at_ms"] = 6234.5
         sent["reply"]["shown_ms"], sent["reply"]["off_ms"] = 4900.0, 6500.0
         page.desk.take(TAB, [sent])
@@ -277,6 +277,7 @@ def test_response_time_runs_from_the_first_picture_that_was_presented(tmp_path: 
     row = Recording(path).trials().iloc[0]
     assert pytest.approx(1234.5, abs=1e-6) == row["lively_ms"]
     assert pytest.approx(100.0, abs=1e-6) == row["film_wait_ms"]
+    assert 260 == row["film_first_at_ms"]
     assert 1_500_000_000 == row["film_off_ns"] - row["film_on_ns"]
 
 

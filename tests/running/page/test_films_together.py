@@ -32,14 +32,19 @@ RENDERINGS.forEach((places, k) => {
 videos.forEach((v) => { v.ended = true; });
 videos[1].listeners.ended();
 log.push(videos.map((v) => v.paused));
-console.log(JSON.stringify([log, Math.round(player.apartMs())]));
+const reports = Object.values(player.report());
+console.log(JSON.stringify([log, Math.round(player.apartMs()), reports.map((r) => r.first_at_ms)]));
 process.exit(0);
 """
 
 
-def waits(renderings: list[list[float | str | None]]) -> tuple[list[list[bool]], int]:
+Renderings = list[list[float | str | None]]
+
+
+def reports_of(renderings: Renderings) -> tuple[list[list[bool]], int, list[float]]:
     """Return which films stood after each rendering of these media times (None: no new picture,
-    "end": it ends) and after the end, and how far apart the page says they were (ms).
+    "end": it ends) and after the end, how far apart the page says they were (ms), and where in each
+    film it says the first picture stood (ms).
     """
     node = shutil.which("node")
     if node is None:
@@ -53,7 +58,12 @@ def waits(renderings: list[list[float | str | None]]) -> tuple[list[list[bool]],
         check=True,
     )
     found: Any = json.loads(ran.stdout)
-    return found[0], found[1]
+    return found[0], found[1], found[2]
+
+
+def waits(renderings: Renderings) -> tuple[list[list[bool]], int]:
+    """Return which films stood after each rendering and after the end, and how far apart (ms)."""
+    return reports_of(renderings)[:2]
 
 
 def test_the_film_that_is_ahead_waits_until_the_other_has_come() -> None:
@@ -77,3 +87,7 @@ def test_pictures_of_one_rendering_are_together_however_late_it_was() -> None:
     log, apart_ms = waits([[0.0, 0.0], [3.0, 3.0], [6.0, 6.0]])
     assert [[False, False]] * 4 == log
     assert 0 == apart_ms
+
+
+def test_a_page_says_where_in_a_film_its_first_picture_stood() -> None:
+    assert [260, 0] == reports_of([[None, 0.0], [0.26, 0.03], [0.3, 0.06]])[2]

@@ -36,7 +36,7 @@ def trial(t):
     film = [Video("film ü.mp4", width_deg=12), Text("in front", colour="red")]
     yield t.show(film, until=Keys("f", "j"), limit_s=60, name="film")
 """
-PICTURE = """() => {
+PICTURE = """async () => {
     const video = document.querySelector(".stage video");
     if (!video || video.style.visibility !== "visible" || video.paused) return null;
     const own = new OffscreenCanvas(video.videoWidth, video.videoHeight);
@@ -46,9 +46,15 @@ PICTURE = """() => {
     const wide = own.width / BITS;
     const isWhite = (k) => row[4 * Math.round((k + 0.5) * wide) + 1] > 127;
     const bits = Array.from({ length: BITS }, (_, k) => isWhite(k));
+    const box = video.getBoundingClientRect().toJSON();
+    // A busy browser's pictures go on before its script hears of it: the next place counts.
+    const atS = video.currentTime;
+    for (let k = 0; k < 60 && video.currentTime === atS && !video.paused; k += 1)
+        await new Promise((resolve) => setTimeout(resolve, 5));
     return { number: bits.reduce((sum, bit) => 2 * sum + bit, 0), at_s: video.currentTime,
-        box: video.getBoundingClientRect().toJSON(), muted: video.muted };
+        box, muted: video.muted };
 }""".replace("BITS", str(BITS))
+"""What is on a page's film, and where in the film the page then says that it stands."""
 
 
 def test_a_page_shows_a_film_in_step_and_says_when(server: Server, browser: Any) -> None:

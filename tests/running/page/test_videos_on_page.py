@@ -34,7 +34,7 @@ def answer(seen, response, rng):
     film = next(s for s in seen.stimuli if hasattr(s, "file"))
     return Race({"fj"[film.file == "two.mp4"]: 2.0}, noise=0.1, other_s=0.3)
 """
-FILM = {"first_ms": 20.0, "frames": 30, "dropped": 0, "rounds": 1, "stalls": 0}
+FILM = {"first_ms": 20.0, "first_at_ms": 33.0, "frames": 30, "dropped": 0, "rounds": 1, "stalls": 0}
 HEARD = {"on_ms": 12.0, "error_ms": 0.5, "latency_ms": 20.0, "by": "output_timestamp"}
 PART = {"on_ms": 10.0, "off_ms": 300.0, "frames": 1, "dropped": 0}
 SHOWN = {

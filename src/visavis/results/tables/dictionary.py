@@ -148,6 +148,7 @@ def scene_column(name: str, columns: Collection[str] | None = None) -> Column | 
         *GAZE_ENDINGS,
         *WINDOW_ENDINGS,
         ("_film_on_ns", "ns", "session time of the first picture of a film of {}, by the browser"),
+        ("_film_first_at_ms", "ms", "where in the film of {} that picture stood"),
         ("_film_pictures", "1", "pictures of the film that were shown as {}"),
         ("_film_dropped", "1", "pictures of the film of {} that no frame showed in their time"),
         (

@@ -593,8 +593,10 @@ def shown_columns(sequence: Sequence, reply: Reply) -> dict[str, Any]:
             row[f"{part.name}_sound_error_ms"] = light.sound_onset.error_ms
         if light.films:
             onsets_ns = [reply.t_ns_of(film.first_ms) for film in light.films]
+            places_ms = [f.first_at_ms for f in light.films if f.first_at_ms is not None]
             row |= {
                 f"{part.name}_film_on_ns": min(onsets_ns),
+                f"{part.name}_film_first_at_ms": max(places_ms, default=None),
                 f"{part.name}_film_pictures": sum(film.frames for film in light.films),
                 f"{part.name}_film_dropped": sum(film.frames_dropped for film in light.films),
             }

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from visavis.lab.clock import NS_PER_MS
@@ -89,6 +89,8 @@ class FilmPlayback:
     frames_dropped: int
     rounds: int
     stalls: int
+    first_at_ms: float | None = None
+    """Where in the film the picture of `first_ms` stood; None where the page does not say."""
     sound_ms: float | None = None
     """When its sound began; None for a silent film, or one that was not heard."""
     volume_01: float | None = None
@@ -166,13 +168,16 @@ def read_film(content: Any) -> FilmPlayback:
         PageError: the content is malformed.
     """
     report = mapping(content, "what was presented of a film")
-    counts = [count(report.get(name), name) for name in ("frames", "dropped", "rounds", "stalls")]
-    sound_ms, volume_01 = (
+    counts = (count(report.get(name), name) for name in ("frames", "dropped", "rounds", "stalls"))
+    frames, frames_dropped, rounds, stalls = counts
+    first_at_ms, sound_ms, volume_01 = (
         None if report.get(name) is None else number(report[name], name)
-        for name in ("sound_ms", "volume_01")
+        for name in ("first_at_ms", "sound_ms", "volume_01")
     )
-    film = FilmPlayback(number(report.get("first_ms"), "first_ms"), *counts)
-    return replace(film, sound_ms=sound_ms, volume_01=volume_01)
+    first_ms = number(report.get("first_ms"), "first_ms")
+    return FilmPlayback(
+        first_ms, frames, frames_dropped, rounds, stalls, first_at_ms, sound_ms, volume_01
+    )
 
 
 @dataclass(frozen=True)

@@ -352,11 +352,13 @@ def _film_columns(
     off_ms = number(content.get("off_ms"), "off_ms")
     shown_ms = number(content.get("shown_ms"), "shown_ms")
     apart = content.get("apart_ms")
+    first_at_ms = [t.first_at_ms for t in playback.values() if t.first_at_ms is not None]
     columns = {
         "on_ns": on_ns,
         "off_ns": on_ns + ns_of_ms(off_ms - first_ms),
         "frames": sum(t.frames for t in playback.values()),
         "wait_ms": first_ms - shown_ms,
+        "first_at_ms": max(first_at_ms, default=None),
         "rounds": min(t.rounds for t in playback.values()),
         "frames_dropped": sum(t.frames_dropped for t in playback.values()),
         "stalls": sum(t.stalls for t in playback.values()),

@@ -437,6 +437,7 @@ class Visitor:
             "films": {
                 place: {
                     "first_ms": first_ms,
+                    "first_at_ms": 0.0,
                     "frames": round(shown_s * f["rate_hz"]),
                     "dropped": 0,
                     "rounds": rounds,

@@ -68,6 +68,7 @@ class Player {
     this.film = film;
     this.video = video;
     this.firstMs = null;
+    this.firstAtS = null; // where the film stood then
     this.frames = 0;
     this.rounds = 0;
     this.stalls = 0;
@@ -86,6 +87,7 @@ class Player {
       onRendered(now);
       if (this.firstMs === null) {
         this.firstMs = data.expectedDisplayTime || now;
+        this.firstAtS = data.mediaTime;
         this.hear(data.mediaTime);
       }
       this.frames = Math.max(this.frames + (data.presentedFrames ? 0 : 1), data.presentedFrames || 0);
@@ -103,7 +105,7 @@ class Player {
       onRendered(now);
       const at = this.video.currentTime;
       if (at !== last && this.video.readyState >= 2 && !this.video.paused) {
-        if (this.firstMs === null) { this.firstMs = now; this.hear(at); }
+        if (this.firstMs === null) { this.firstMs = now; this.firstAtS = at; this.hear(at); }
         this.frames += 1;
         this.mediaS = at;
         onFrame(this);
@@ -126,6 +128,7 @@ class Player {
     const quality = this.video.getVideoPlaybackQuality?.();
     return {
       first_ms: this.firstMs,
+      first_at_ms: this.firstAtS === null ? null : 1000 * this.firstAtS,
       frames: this.frames,
       dropped: quality ? quality.droppedVideoFrames : 0,
       rounds: this.rounds,
