@@ -15,7 +15,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from visavis.lab.clock import StopWatch, SystemClock
 
-ANSWER_S = 60.0
+ANSWER_S = 120.0
 POLL_S = 0.05
 CLICK_S = 10.0
 MAX_MESSAGE_BYTES = 1 << 26
