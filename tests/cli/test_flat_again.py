@@ -129,9 +129,10 @@ def test_a_film_of_a_page_shows_what_was_lit_and_then_what_was_asked(tmp_path: P
         films = FilmPictures(trial.store, 100, lambda *of: np.zeros((1, 1, 3), np.uint8))
         lit = page_picture(shown, part.on_ns, films, (640, 360))
         assert {"red": [255, 0, 0], "blue": [0, 80, 255]}[row["ink"]] == lit[180, 320].tolist()
-        assert [255, 255, 255] == lit[5, 5].tolist()
-        wide_px = int((lit[180, :, 1] < 200).sum())
-        assert wide_px == pytest.approx(39.6 * size_deg * 640 / 1280, rel=0.03)
+        assert [255, 255, 255] == lit[5, 320].tolist()
+        assert [0, 0, 0] == lit[5, 5].tolist()  # beside a window of 1280 by 800
+        wide_px = int((lit[180, 40:600, 1] < 200).sum())
+        assert wide_px == pytest.approx(39.6 * size_deg * 576 / 1280, rel=0.03)
 
 
 MOVING = """

@@ -105,8 +105,10 @@ def gaze_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea 
 
 
 def areas_shown(record: TrialRecord, scene: str) -> tuple[Areas, ...]:
-    """Return the areas of what a trial showed under a name, where they stood; () without any."""
-    payloads = _payloads_of(record, "shown", scene)[-1:]
+    """Return the areas of what a trial showed under a name, where they stood; () without any. A
+    page says them of what was seen through a window after the pointer, and of panoramas.
+    """
+    payloads = (_payloads_of(record, "shown", scene) or pointer_windows(record, scene))[-1:]
     if not payloads or "areas" not in payloads[0]:
         return ()
     text = str(payloads[0]["areas"])
@@ -308,7 +310,7 @@ def pointer_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByAr
     as `gaze_by_area` returns gaze; None where nothing was shown so.
     """
     window = record.window(scene)
-    events = _payloads_of(record, POINTER_WINDOW, scene)
+    events = pointer_windows(record, scene)
     if window is None or not events:
         return None
     event = events[-1]
@@ -335,6 +337,13 @@ def pointer_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByAr
         hit=under,
     )
     return GazeByArea(samples, under, names, window)
+
+
+def pointer_windows(record: TrialRecord, scene: str) -> list[Mapping[str, Any]]:
+    """Return what is recorded of the windows after the pointer through which a page showed what
+    columns of a name tell of: `path` has since when, in ns, and the middle in pixels.
+    """
+    return _payloads_of(record, POINTER_WINDOW, scene)
 
 
 def _payloads_of(record: TrialRecord, event: str, scene: str) -> list[Mapping[str, Any]]:

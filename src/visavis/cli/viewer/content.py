@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Final
 
@@ -13,20 +13,20 @@ import numpy.typing as npt
 from visavis.analysis.session_check import check_session
 from visavis.cli.film.cameras import Cuts, TopologyCamera, style_of
 from visavis.cli.film.stand_in import StandIn, posture_of, resting_joints, somebody_else
-from visavis.cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
+from visavis.cli.recorded_trial import RecordedTrial, factors_of, recorded_trial, trial_row
 from visavis.cli.session_lanes import lanes_of
 from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.fixations import fixations_of
 from visavis.cli.viewer.flat import (
-    Showing,
     flat_content,
     flat_ends,
     onsets_ns,
     showing_of,
 )
+from visavis.cli.viewer.flat_pages import flat_page_scenes
 from visavis.cli.viewer.models import LEVEL_OF_FEW, LEVEL_OF_MANY, MAX_FEW, Models
-from visavis.cli.viewer.motion import key_samples
 from visavis.cli.viewer.pages import pages_of
+from visavis.cli.viewer.scenes import SAMPLES_PER_S, Sample, Times, scene_content
 from visavis.devices.streams import NO_DEVICE_TIME
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
@@ -37,21 +37,13 @@ from visavis.recording.cached import CachedRecording
 from visavis.recording.manifest import MANIFEST_NAME
 from visavis.recording.reader import flat_components
 from visavis.results.opened_study import OpenedStudy
-from visavis.running.page.seen_trial import is_on_page
+from visavis.running.page.seen_trial import is_on_page, seen_trial
 from visavis.stimuli.camera.shots import ShotSize
 from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.stimuli.motion.rotations import one_way_round
 from visavis.stimuli.moving_heads import agents_at
 from visavis.stimuli.picture import Picture
-from visavis.stimuli.scene import Agent
 from visavis.stimuli.surfaces import Surfaces
 
-SAMPLES_PER_S: Final = 20
-"""How often a trial's scene is looked at; poses between keys are interpolated."""
-OFF_BY_M: Final = 0.002
-OFF_BY_TURN: Final = 0.004
-"""How far a pose between two keys may be off: hips in metres, joints in parts of a quaternion."""
-OFF_BY_SHARE: Final = 0.02
 GAP_S: Final = 2.0
 """What stands on the time line between two parts of a session."""
 MAX_ROWS: Final = 60_000
@@ -68,17 +60,6 @@ TOLD_ELSEWHERE: Final = frozenset(
     "is_practice".split()
 )
 """Columns of a trial that the page says in other words."""
-
-
-@dataclass(frozen=True)
-class Times:
-    """Session times of all parts on one line of seconds."""
-
-    offset_s: Mapping[int, float]
-
-    def s(self, part: int, t_ns: int) -> float:
-        """Return the second on the page of a part's session time."""
-        return round(self.offset_s[part] + t_ns / NS_PER_S, 6)
 
 
 def page_content(
@@ -99,13 +80,19 @@ def page_content(
     bundle = Bundle()
     times = times_of(recording)
     on_page = is_on_page(recording)
-    pages, films = (
-        pages_of(study, recording, trial_ids, bundle, times.s, on_trial) if on_page else ([], [])
-    )
+    models: Models | None = None
+    contents, pages, films = [], list[dict[str, Any]](), list[dict[str, Any]]()
+    problems: dict[str, str] = {}
+    if on_page:
+        models = models_for(bundle, [])
+        seen = [seen_trial(study, recording, trial_row(recording, name)) for name in trial_ids]
+        pages, films = pages_of(seen, bundle, times.s, on_trial)
+        scenes = [flat_page_scenes(recording, trial, models, bundle, times) for trial in seen]
+        problems = {str(trial.row["trial_id"]): trial.problem for trial in seen if trial.problem}
+        contents = [{"scenes": own, "gazeEnds": [], "fixations": []} for own in scenes]
     trials = [] if on_page else [recorded_trial(recording, name) for name in trial_ids]
-    in_space, models = InSpace(study, recording, times), None
+    in_space = InSpace(study, recording, times)
     places: dict[str, str] = {}
-    contents = []
     # Samples of a long trial with many people are large: one trial's are held at a time.
     for k, trial in enumerate(trials):
         samples = in_space.samples(trial)
@@ -134,7 +121,9 @@ def page_content(
             for part in recording.manifest.parts
         ],
         "trials": [
-            {**row, "beside": places.get(row["id"]) if row["shown"] else None}
+            {**row, "beside": places.get(row["id"]), "problem": problems.get(row["id"])}
+            if row["shown"]
+            else {**row, "beside": None, "problem": None}
             for row in _trials(recording, times, set(trial_ids))
         ],
         "events": list(_events(recording, times)),
@@ -167,8 +156,9 @@ class InSpace:
         """Return a trial's scenes, ends of gaze and fixations; their arrays go into a bundle."""
         scenes = []
         for run, end_ns in _runs(samples):
-            scene = _scene(trial, run, end_ns, models, bundle, self._times)
-            first = run[0]
+            name, first = str(trial.row["trial_id"]), run[0]
+            scene = scene_content(name, trial.part, run, end_ns, models, bundle, self._times)
+            scene["topology"] = _topology(trial, run, bundle)
             if first.showing is not None:
                 t_ns, pictures = [s.t_ns for s in run], [s.picture for s in run]
                 scene["flat"] = flat_content(first.showing, t_ns, pictures, models, bundle)
@@ -491,19 +481,6 @@ def _column_name(field: Field, flat: str) -> str:
 # ---- trials in space --------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class Sample:
-    """What was shown at a moment of a trial."""
-
-    t_ns: int
-    picture: Picture
-    agents: tuple[Agent, ...]
-    full_picture: Picture
-    """The same with the participant in it, last, where somebody can stand in for them."""
-    showing: Showing | None = None
-    """The flat stimuli in it."""
-
-
 StandIns = dict[tuple[int, str], StandIn]
 """Who stands in for the participant, by part of the session and figure: one in many trials, so
 that a page holds that figure once."""
@@ -637,79 +614,6 @@ def _runs(samples: list[Sample]) -> Iterator[tuple[list[Sample], int]]:
         yield samples[first:last], samples[last].t_ns if last < len(samples) else end_ns
 
 
-def _scene(
-    trial: RecordedTrial,
-    samples: list[Sample],
-    end_ns: int,
-    models: Models,
-    bundle: Bundle,
-    times: Times,
-) -> dict[str, Any]:
-    first = samples[0].picture
-    n = len(samples)
-    # Samples come first in these arrays (samples, people, ...); tracks of keys want people first.
-    root = np.array([s.full_picture.people.root_m for s in samples])
-    turns = one_way_round(np.array([s.full_picture.people.orientation_wxyz for s in samples]))
-    morphs = np.array([s.full_picture.people.morphs_01 for s in samples])
-    people = root.shape[1]
-    joints = turns.shape[2] if people else 0
-    return {
-        "trial": str(trial.row["trial_id"]),
-        "t0": times.s(trial.part, samples[0].t_ns),
-        "t1": times.s(trial.part, end_ns),
-        "rate": SAMPLES_PER_S,
-        "n": n,
-        "room": models.room(first.room),
-        "cast": [models.person(c) for c in samples[0].full_picture.cast],
-        "participant": len(first.cast)
-        if len(samples[0].full_picture.cast) > len(first.cast)
-        else -1,
-        "joints": joints,
-        "root": _keys(bundle, root.transpose(1, 0, 2), OFF_BY_M, 1e-3 / 4),
-        "turns": _keys(
-            bundle,
-            turns.transpose(1, 2, 0, 3).reshape(people * joints, n, 4),
-            OFF_BY_TURN,
-            1 / 32767,
-            turns=True,
-        ),
-        "morphs": _keys(bundle, morphs.transpose(1, 0, 2), OFF_BY_SHARE, 1 / 1000),
-        "topology": _topology(trial, samples, bundle),
-        "light": bundle.add_quantised(np.array([[s.picture.brightness_01] for s in samples])),
-        "mark": None if first.mark_m is None else [float(x) for x in first.mark_m],
-        # Taken from the first sample: `_runs` cuts where things, boards or agents change.
-        "moving": [
-            {
-                "mesh": models.thing(m.prop),
-                "at": m.pose.position_m.tolist(),
-                "turn": m.pose.orientation_wxyz.tolist(),
-                "glow": m.prop.emission_01,
-            }
-            for m in first.moving
-        ],
-        "panels": [
-            {
-                "text": p.text,
-                "choices": list(p.choices),
-                "at": p.pose.position_m.tolist(),
-                "turn": p.pose.orientation_wxyz.tolist(),
-                "size": list(p.size_m),
-                "lit": p.highlighted,
-            }
-            for p in first.panels
-        ],
-        "agents": [
-            {
-                "id": a.agent_id,
-                "place": a.place,
-                "at": a.head_centre_m.tolist(),
-                "radius": a.head_radius_m,
-            }
-            for a in samples[0].agents
-        ],
-    }
-
-
 def _topology(trial: RecordedTrial, samples: list[Sample], bundle: Bundle) -> dict[str, Any] | None:
     """Return where a camera that knows the room would film from, and at what; None in a room that
     has no such place.
@@ -733,22 +637,4 @@ def _topology(trial: RecordedTrial, samples: list[Sample], bundle: Bundle) -> di
         "views": bundle.add_quantised(np.array(decisions.views)[:, 1:]),
         "fov": decisions.fov_v_deg,
         "cuts": [round((cut["t_ns"] - start_ns) / NS_PER_S, 3) for cut in decisions.cuts],
-    }
-
-
-def _keys(
-    bundle: Bundle, tracks: Vector, off_by: float, step: float, *, turns: bool = False
-) -> dict[str, Any]:
-    """Take in tracks (t, n, k) as keys in parts of `step`."""
-    if not len(tracks):
-        return {"step": step, "k": 0}
-    counts, samples = key_samples(tracks, off_by, turns=turns)
-    owner = np.repeat(np.arange(len(tracks)), counts)
-    values = np.rint(tracks[owner, samples] / step)
-    return {
-        "step": step,
-        "k": tracks.shape[2],
-        "counts": bundle.add(counts.astype(np.uint16)),
-        "at": bundle.add(samples.astype(np.uint16)),
-        "v": bundle.add(values.astype(np.int16 if np.abs(values).max() < 32768 else np.int32)),
     }

@@ -30,10 +30,17 @@ function caseOf({at, turn, size: [wide, high]}) {
 class Flat {
   constructor(content, data) {
     Object.assign(this, {data, content});
-    this.monitor = data.eye ? data.sheets[0] : null;
+    this.monitor = data.eye && !data.isWide ? data.sheets[0] : null;
+    this.framed = this.monitor || data.eye && this.reach() || null; // what fills the view of who sat before it
     const courseOf = ref => { const flat = content.flat(ref), n = ref.s[0]; return k => Array.from({length: flat.length / n}, (_, c) => flat[c * n + Math.min(k, n - 1)]); };
     this.areas = data.areas.map(({name, corners, outlines}) => ({name, at: courseOf(corners), outlines}));
     this.turnAt = data.around && courseOf(data.around.turns);
+  }
+
+  // A rectangle straight ahead of the eye with all stimuli in it, where nobody knows the edges of the page.
+  reach() {
+    const {eye, sheets} = this.data, far = sheets.length ? eye[2] - sheets[0].at[2] : 1, at = [eye[0], eye[1], eye[2] - far];
+    return {at, size: [0, 1].map(a => 2.2 * Math.max(far / 20, ...sheets.map(s => Math.abs(s.at[a] - eye[a]) + s.size[a] / 2)))};
   }
 
   // What stands there at a sample (whole number) of the scene: areas of interest as {name, corners, outlines}, of each
@@ -72,6 +79,29 @@ class Flat {
     d.drawSheets(this.data.sheets.slice(0, this.monitor ? 1 : 0), view.projection);
     if (this.monitor) this.drawAround(d, view, k);
     d.drawSheets(this.data.sheets.slice(this.monitor ? 1 : 0), view.projection);
+  }
+
+  // The rim of the window at a time: after gaze, of which a stream tells, or after the pointer; null where there was none.
+  rimAt(streams, t) {
+    if (this.data.window.t) return this.rimOfPointer(t);
+    const read = name => streams.at('gaze_window', name, t, 0.1), valid = read('valid');
+    return valid && valid[0] > 0.5 ? this.rim(read('origin_world_m'), unit(read('direction_world'))) : null;
+  }
+
+  // A circle on the page around the pointer; null before that had moved.
+  rimOfPointer(t) {
+    const {at, radius, t: times} = this.data.window;
+    this.path ||= {t: this.content.flat(times), at: this.content.flat(at)};
+    const n = this.path.t.length, k = lastAt(this.path.t, t);
+    if (k < 0) return null;
+    const middle = [0, 1, 2].map(a => this.path.at[a * n + k]);
+    return Array.from({length: RIM + 1}, (_, i) => add(middle, [radius * Math.cos(2 * Math.PI * i / RIM), radius * Math.sin(2 * Math.PI * i / RIM), 0]));
+  }
+
+  // What one must know of it: how large the page was, what the recording lacks.
+  notesAt(t) {
+    const notes = this.data.notes || [];
+    return this.data.window?.t && !this.rimOfPointer(t) ? [...notes, 'the pointer had not moved yet: all was blurred'] : notes;
   }
 
   // The rim of the window around what is looked at from an eye: on the monitor, or on the stimuli in their distance.

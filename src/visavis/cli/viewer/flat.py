@@ -12,7 +12,7 @@ import numpy.typing as npt
 from visavis.cli.recorded_trial import RecordedTrial
 from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.models import SIDE_PX, Models
-from visavis.lab.geometry import Vector
+from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate
 from visavis.protocol.plan.shown_scene import RecordedScene, of_part
 from visavis.stimuli.areas import (
     FAR_M,
@@ -115,17 +115,24 @@ def flat_content(
     pictures: Sequence[Picture],
     models: Models,
     bundle: Bundle,
+    *,
+    has_edges: bool = True,
 ) -> dict[str, Any]:
-    """Return what a page says of flat stimuli that were shown at times, in these pictures."""
+    """Return what a page says of flat stimuli that were shown at times, in these pictures; without
+    the monitor's lit area where nobody knows its edges.
+    """
     scene, first = showing.scene, pictures[0]
-    monitor, (_, sheets) = monitor_of(scene), first_sheets(scene)
+    monitor, (_, sheets) = monitor_of(scene) if has_edges else None, first_sheets(scene)
+    if monitor is not None:
+        sheets = (monitor, *filter(None, (_within(sheet, monitor) for sheet in sheets)))
     content: dict[str, Any] = {
-        "sheets": [_sheet(s, models) for s in (*filter(None, [monitor]), *sheets)],
+        "sheets": [_sheet(s, models) for s in sheets],
         "areas": list(_areas(showing, t_ns, bundle)),
         "moves": scene.moves,
     }
     if scene.surface.screen is not None:
         content["eye"] = scene.surface.screen.place.position_m.tolist()
+        content["isWide"] = not has_edges
     if first.veil is not None:
         window = first.veil.window
         content["window"] = {"deg": window.window_deg, "isAround": window.is_around}
@@ -134,6 +141,30 @@ def flat_content(
         number = models.flat(first.surround.eyes[0][..., :3], "around")
         content["around"] = {"picture": number, "turns": _course(bundle, turns)}
     return content
+
+
+def _within(sheet: Sheet, monitor: Sheet) -> Sheet | None:
+    """Return what of a sheet in a monitor's plane is on its lit area; None where nothing is."""
+    turn = monitor.pose.orientation_wxyz
+    offset_m = rotate(quat_conjugate(turn), sheet.pose.position_m - monitor.pose.position_m)
+    middle_m, sides_m = offset_m[:2] * [1, -1], np.array(sheet.size_m)  # right and down
+    sides_px = np.array(sheet.pixels.shape[1::-1])
+    reach_m = np.array(monitor.size_m) / 2
+    low, high = (
+        np.rint((edge_m - middle_m + sides_m / 2) / sides_m * sides_px).astype(int)
+        for edge_m in (-reach_m, reach_m)
+    )
+    low, high = np.maximum(low, 0), np.minimum(high, sides_px)
+    if (low >= high).any():
+        return None
+    if not low.any() and (high == sides_px).all():
+        return sheet
+    moved_m = ((low + high) / 2 / sides_px - 0.5) * sides_m * [1, -1]
+    place_m = sheet.pose.position_m + rotate(turn, np.array([*moved_m, 0.0]))
+    (left, top), (right, bottom) = low, high
+    wide_m, high_m = ((high - low) / sides_px * sides_m).tolist()
+    pixels = sheet.pixels[top:bottom, left:right]
+    return Sheet(pixels, Pose(place_m, sheet.pose.orientation_wxyz), (wide_m, high_m))
 
 
 def _sheet(sheet: Sheet, models: Models) -> dict[str, Any]:

@@ -16,9 +16,13 @@ class Session {
     this.measured = new Map();
     this.lookSpans = null;
     // Whether there were flat stimuli and no place beside them; and the monitor before which somebody sat then.
+    const flats = header.scenes.map(s => s.flat).filter(Boolean);
     this.isFlat = header.scenes.some(s => s.flat) && !header.scenes.some(s => s.agents.length || s.moving?.length || content.header.rooms[s.room]?.lamps.length);
-    this.monitor = this.isFlat && header.scenes.map(s => s.flat?.eye && s.flat.sheets[0]).find(Boolean) || null;
+    this.monitor = this.isFlat && flats.filter(f => f.eye && !f.isWide).map(f => f.sheets[0])[0] || null;
+    this.seat = flats.map(f => f.eye).find(Boolean); // of who was before a page, where no head was measured
   }
+
+  headAt(t) { return this.streams.headAt(t) || (this.seat && !this.streams.has('head') ? {at: this.seat, turn: [1, 0, 0, 0]} : null); }
 
   sceneAt(t) {
     const data = this.header.scenes.find(s => t >= s.t0 && t < s.t1);

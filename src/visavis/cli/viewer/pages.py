@@ -13,13 +13,10 @@ from typing import Any, Final
 from PIL import Image
 
 from visavis.cli.film.on_page import FilmPictures
-from visavis.cli.recorded_trial import trial_row
 from visavis.cli.viewer.bundle import Bundle
 from visavis.lab.plain_files import unpacked
-from visavis.recording.cached import CachedRecording
-from visavis.results.opened_study import OpenedStudy
 from visavis.running.film_store import film_drawing
-from visavis.running.page.seen_trial import SeenStep, SeenTrial, seen_trial
+from visavis.running.page.seen_trial import SeenStep, SeenTrial
 from visavis.study.films import Film
 
 PICTURES_PER_S: Final = 12
@@ -28,22 +25,21 @@ WEBP_QUALITY: Final = 72
 
 
 def pages_of(
-    study: OpenedStudy,
-    recording: CachedRecording,
-    trial_ids: Sequence[str],
+    trials: Sequence[SeenTrial],
     bundle: Bundle,
     second_of: Callable[[int, int], float],
     on_trial: Callable[[int, int], None] | None,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Return steps of trials in order, and the films that they show; each film is drawn once."""
-    trials = [seen_trial(study, recording, trial_row(recording, name)) for name in trial_ids]
+    """Return steps of trials in order but those of flat stimuli, and the films that they show; each
+    film is drawn once.
+    """
     numbers: dict[Film, int] = {}
     films: list[dict[str, Any]] = []
     steps: list[dict[str, Any]] = []
     with film_drawing() as draw:
         for number, trial in enumerate(trials, start=1):
             pictures = FilmPictures(trial.store, HEIGHT_PX, draw)
-            for step in trial.steps:
+            for step in (step for step in trial.steps if not step.parts):
                 for film in step.films.values():
                     if film not in numbers:
                         numbers[film] = len(films)

@@ -11,7 +11,8 @@ import numpy as np
 
 from visavis.cli.recorded_trial import RecordedTrial, recorded_trial
 from visavis.cli.session_lanes import lanes_of
-from visavis.cli.viewer.content import Sample, samples_of, times_of
+from visavis.cli.viewer.content import samples_of, times_of
+from visavis.cli.viewer.scenes import Sample
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector

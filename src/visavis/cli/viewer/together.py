@@ -8,13 +8,13 @@ from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.content import (
     AROUND_NS,
     InSpace,
-    Times,
     at_rest,
     models_content,
     models_for,
     trial_content,
     whose,
 )
+from visavis.cli.viewer.scenes import Times
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.recording.cached import CachedRecording

@@ -30,7 +30,7 @@ class Viewer {
     this.pages = new Pages(content, () => { this.dirty = true; });
     this.show = Object.fromEntries(LAYERS.map(([name, , on]) => [name, on]));
     this.outlines = [];
-    this.t = header.scenes[0]?.t0 ?? header.pages[0]?.t0 ?? header.trials[0]?.t0 ?? 0;
+    this.t = [header.scenes[0], header.pages[0]].filter(Boolean).map(s => s.t0).sort((a, b) => a - b)[0] ?? header.trials[0]?.t0 ?? 0;
     this.playing = false; this.speed = 1;
     this.free = {at: [0, 1.6, 3], yaw: 0, pitch: -0.1};
     this.above = {zoom: 1, by: [0, 0]};
@@ -110,7 +110,7 @@ class Viewer {
     if (scene?.middle) return scene.middle;
     const points = [], {t0, t1} = scene ? scene.data : {t0: this.t, t1: this.t};
     for (const share of [0, 0.25, 0.5, 0.75, 0.999]) {
-      const t = t0 + share * (t1 - t0), head = this.streams.headAt(t);
+      const t = t0 + share * (t1 - t0), head = this.session.headAt(t);
       if (head) points.push(head.at);
       if (!scene) continue;
       scene.pose(t);
@@ -127,7 +127,7 @@ class Viewer {
   }
 
   startView() { // behind and beside the participant, who looks at what there is
-    const head = this.streams.headAt(this.t) || {at: [0, 1.6, 0], turn: [1, 0, 0, 0]};
+    const head = this.session.headAt(this.t) || {at: [0, 1.6, 0], turn: [1, 0, 0, 0]};
     const front = unit([...[rotate(head.turn, [0, 0, -1])].map(v => [v[0], 0, v[2]])][0]);
     const right = [-front[2], 0, front[0]];
     const monitor = this.session.monitor, near = monitor ? 0.35 : 1;
@@ -137,11 +137,11 @@ class Viewer {
   }
 
   view(scene, width, height) {
-    const aspect = width / height, head = this.streams.headAt(this.t);
+    const aspect = width / height, head = this.session.headAt(this.t);
     let at = this.free.at, turn = turnOf(this.free.yaw, this.free.pitch), top = 0.577, near = 0.08;
     if (this.camera === 'eyes' && head) {
       ({at, turn} = head);
-      const monitor = this.session.monitor; // which fills the view
+      const monitor = scene?.flat?.framed || this.session.monitor; // which fills the view
       top = monitor ? 0.58 * Math.max(monitor.size[1], monitor.size[0] / aspect) / size(sub(monitor.at, at)) : 0.84;
     }
     if (this.camera === 'follow' && head) {
@@ -272,7 +272,8 @@ class Viewer {
       d.drawThings(scene.data.moving.map(m => ({mesh: m.mesh, model: modelMatrix(m.at, m.turn), glow: m.glow})), view.projection, room, light);
     }
     d.drawThings(this.bodyThings(scene, isOutside), view.projection, null, 1);
-    if (this.session.monitor && this.show.room) d.drawThings([caseOf(this.session.monitor)], view.projection, null, 1);
+    const monitor = flat ? flat.monitor : this.session.monitor;
+    if (monitor && this.show.room) d.drawThings([caseOf(monitor)], view.projection, null, 1);
     if (flat && this.show.room) flat.draw(d, view, scene.row(t));
   }
 
@@ -417,12 +418,10 @@ class Viewer {
     area.paths = area.paths.map(path => path.map(p => [p[0] / ratio, p[1] / ratio]));
   }
 
-  // Where the window was that followed gaze.
+  // Where the window was that followed gaze or the pointer.
   drawWindow(g, flat, at, ratio) {
-    const read = name => this.streams.at('gaze_window', name, this.t, 0.1), valid = read('valid');
-    if (!valid || !(valid[0] > 0.5)) return;
-    const rim = flat.rim(read('origin_world_m'), unit(read('direction_world'))).map(p => p && at(p));
-    if (rim.every(Boolean)) this.outline(g, rim, WINDOW, 2 * ratio, ratio);
+    const rim = flat.rimAt(this.streams, this.t)?.map(p => p && at(p));
+    if (rim?.every(Boolean)) this.outline(g, rim, WINDOW, 2 * ratio, ratio);
   }
 
   // A line through points, readable on any colour.
@@ -590,7 +589,7 @@ class Viewer {
     $('said').classList.toggle('on-page', !!step);
     const recent = this.line.marks.filter(e => e.t <= this.t && e.t > this.t - 1.5).slice(-4);
     const felt = this.header.lanes.filter(l => l.spans.some(([a, b]) => this.t >= a && this.t < Math.max(b, a + 0.08))).map(l => l.name);
-    $('said').textContent = [...recent.map(e => inWords(e.name)), ...felt].join('\n');
+    $('said').textContent = [...scene?.flat?.notesAt(this.t) || [], ...trial?.problem ? [trial.problem] : [], ...recent.map(e => inWords(e.name)), ...felt].join('\n');
     const dark = scene && light <= 0;
     $('nothing').style.display = step || scene && !dark ? 'none' : 'grid';
     $('nothing').textContent = dark ? 'dark' : trial ? trial.shown ? trial.beside && !trial.isLoaded ? this.problem || `loading ${trial.id} …` : '' : `${trial.id} is not in this page in space\nvisavis view … --trial ${trial.id}`
@@ -783,9 +782,10 @@ class Viewer {
       return;
     }
     const flats = this.header.scenes.map(s => s.flat).filter(Boolean);
-    const lines = [...this.streams.has('gaze_targets') ? [[GAZE, 'gaze: where it ends on what is drawn; area it is on'], ['#d8d8d8', 'area of interest'], ['#78dcff', 'path of gaze, 2 s']] : [],
+    const lines = [...this.streams.has('gaze_targets') ? [[GAZE, 'gaze: where it ends on what is drawn; area it is on'], ['#78dcff', 'path of gaze, 2 s']] : [],
+      ...this.streams.has('gaze_targets') || flats.some(f => f.areas.length) ? [['#d8d8d8', 'area of interest']] : [],
       ...this.header.trials.some(t => t.shown && this.session.walked(t).length) ? [[GAZE, 'walked path, on the floor: what is to come is faint']] : [],
-      ...flats.some(f => f.window) ? [[WINDOW, `window after gaze: ${[...new Set(flats.filter(f => f.window).map(f => f.window.isAround ? 'all but it was seen' : 'it alone was seen'))].join(', or ')}`]] : [],
+      ...[...new Set(flats.filter(f => f.window).map(({window: w}) => w.t ? 'the pointer: it alone was sharp' : w.isAround ? 'gaze: all but it was seen' : 'gaze: it alone was seen'))].map(text => [WINDOW, `window after ${text}`]),
       ...flats.some(f => f.moves) ? [['#8a8f98', 'moving dots and films: as at their onset; areas of films move']] : [],
       ...this.header.lanes.some(l => l.kind === 'contact') ? [[LANE_COLOURS.contact, 'contact']] : [], ...this.header.lanes.some(l => l.kind !== 'contact') ? [[LANE_COLOURS.vibration, 'vibration']] : [],
       [STATUS.complete, 'trial: complete'], [STATUS.damaged, 'trial: damaged'], [STATUS.interrupted, 'trial: interrupted, aborted or repeated'], [PRACTICE, 'trial: practice']];

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from visavis.lab.errors import DesignError
 from visavis.lab.screen import FlatScreen
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import Mark
@@ -16,7 +17,16 @@ from visavis.recording.page_clock import PageClocks
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.running.film_store import FilmStore, film_store
-from visavis.running.page.flat import before_eyes, flat_scene, read_lit, screen_of, view_turns
+from visavis.running.page.flat import (
+    MAX_VIEW_PX,
+    PageScreen,
+    before_eyes,
+    flat_scene,
+    read_lit,
+    read_screen,
+    screen_of,
+    view_turns,
+)
 from visavis.running.page.steps import PageError, PageStep, Reply
 from visavis.running.page.trial import FilmFailed, perform_on_page
 from visavis.stimuli.scenes.flat import FlatScene
@@ -26,7 +36,7 @@ from visavis.study.films import Film, LiveFilm, Viewing, films_of
 from visavis.study.trial import TrialScript
 
 USUAL_VIEW_PX: Final = (1280, 720)
-"""Size of a simulated person's page."""
+"""Size of a page of which the recording does not say it."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +52,16 @@ class Question:
 
 @dataclass(frozen=True, eq=False)
 class SeenPart:
-    """Flat stimuli that were lit from `on_ns` to `off_ns`, on a page that was `screen`."""
+    """Flat stimuli that were lit from `on_ns` to `off_ns`, on a page that was `screen`; where the
+    recording has no `window_px`, its pixels are those of a usual page.
+    """
 
     on_ns: int
     off_ns: int
     scene: FlatScene
     screen: FlatScreen
+    page: PageScreen
+    window_px: tuple[int, int] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +88,14 @@ class SeenStep:
 
 @dataclass(frozen=True, eq=False)
 class SeenTrial:
-    """A trial as its page showed it; `row` is its recorded row, `store` has its films."""
+    """A trial as its page showed it; `row` is its recorded row, `store` has its films. `problem`
+    says what of it the study does not show again, and why.
+    """
 
     row: Mapping[str, Any]
     steps: tuple[SeenStep, ...]
     store: FilmStore
+    problem: str = ""
 
     @property
     def span_ns(self) -> tuple[int, int]:
@@ -135,6 +152,7 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
     performing = perform_on_page(script, note_steps, lambda film: {"film": "", "sha256": ""})
     seen_steps: list[SeenStep] = []
     reply: Reply | None = None
+    again, problem = script.row, ""
     try:
         for part, t_ns, payload, t_ns_of, moves in replies:
             out = performing.send(reply)
@@ -144,9 +162,33 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
             if part == int(row["recording_part"]):
                 watched = watched_steps[-1] if out.kind == "watch" else None
                 seen_steps.append(_step(out, watched, reply, settings.folder))
-    except (StopIteration, FilmFailed, PageError):
-        pass  # a reply to what the study no longer shows: an earlier version of it was performed
-    return SeenTrial(row, tuple(seen_steps), film_store(experiment))
+        out = performing.send(reply)  # columns of the last reply
+        while isinstance(out, Mark):
+            out = performing.send(None)
+    except StopIteration as end:
+        again = end.value or again
+    except FilmFailed:
+        pass
+    except (PageError, DesignError) as error:
+        problem = str(error)
+    lost = _shown_otherwise(row, again)
+    if lost:
+        # An earlier version of the study was performed.
+        why = problem or "the study shows something else today"
+        problem = f"not shown again: {', '.join(lost)}; {why}"
+    return SeenTrial(row, tuple(seen_steps), film_store(experiment), problem)
+
+
+def _shown_otherwise(row: Mapping[str, Any], again: Mapping[str, Any]) -> list[str]:
+    """Return what a recorded row says was on the page, by the names of its columns, and was not
+    shown then when its trial was performed again.
+    """
+    return [
+        column.removesuffix("_on_ns")
+        for column, t_ns in row.items()
+        if column.endswith("_on_ns") and t_ns is not None and t_ns == t_ns
+        if again.get(column) != t_ns
+    ]
 
 
 def _step(step: PageStep, watch: Viewing | None, reply: Reply, folder: Path) -> SeenStep:
@@ -189,20 +231,23 @@ def _step(step: PageStep, watch: Viewing | None, reply: Reply, folder: Path) -> 
 
 def _parts(step: PageStep, reply: Reply, folder: Path) -> tuple[SeenPart, ...]:
     """Return the flat stimuli that a step showed, as large as the page said that it was."""
-    screen = screen_of(reply.content, USUAL_VIEW_PX)
+    screen, page = screen_of(reply.content, USUAL_VIEW_PX), read_screen(reply.content.get("screen"))
+    window_px = (screen.width_px, screen.height_px) if "view_px" in reply.content else None
     parts, since_ns, lights = [], 0, list[Mapping[str, Any]]()
-    for k, light in enumerate(read_lit(reply.content)):
-        part = step.content["parts"][k]
+    lit = read_lit(reply.content)
+    if len(lit) > len(step.content["parts"]):
+        raise PageError(f"{len(lit)} parts were shown, not {len(step.content['parts'])}")
+    for k, (part, light) in enumerate(zip(step.content["parts"], lit, strict=False)):
         on_ns, off_ns = reply.t_ns_of(light.on_ms), reply.t_ns_of(light.off_ms)
         if not part.get("goes_on"):
             since_ns = on_ns
             lights.clear()
-        scene = replace(flat_scene(part, folder), moves_since_ns=since_ns)
+        scene = flat_scene(part, folder)
+        scene = replace(scene, surface=before_eyes(screen), moves_since_ns=since_ns)
         if scene.panorama is not None:
             lights.append(reply.content["parts"][k])
-            turns = view_turns(lights, reply)
-            scene = replace(scene, surface=before_eyes(screen), turns=turns)
-        parts.append(SeenPart(on_ns, off_ns, scene, screen))
+            scene = replace(scene, turns=view_turns(lights, reply))
+        parts.append(SeenPart(on_ns, off_ns, scene, screen, page, window_px))
     return tuple(parts)
 
 
@@ -213,9 +258,11 @@ def _replies(
 ]:
     """Yield the replies of a trial, whose beginning may lie in an earlier part than its end: part,
     session time, payload, the conversion from the page's clock to session time, and the events
-    with movements during the step.
+    with movements during the step. A reply that does not say how large the window was has what the
+    page said of it before.
     """
     is_here = False
+    sizes_px: dict[str, Any] = {}
     moves: list[Mapping[str, Any]] = []
     for part in recording.manifest.parts:
         clocks = PageClocks()
@@ -228,10 +275,21 @@ def _replies(
             clocks.follow(payload, t_ns)
             if payload["kind"] == "moved":
                 moves.append(payload)
+            if "view_px" in (about := payload.get("about") or payload):
+                sizes_px[str(payload["tab"])] = about["view_px"]
             if payload["kind"] == "reply":
                 is_own = {"step": payload["step"], "tab": payload["tab"]}
                 step_moves = tuple(m for m in moves if is_own.items() <= m.items())
                 moves.clear()
                 if is_here:
+                    size_px = sizes_px.get(str(payload["tab"]))
+                    if _is_size(size_px):
+                        payload = {**payload, "reply": {"view_px": size_px, **payload["reply"]}}
                     placing = clocks.of(str(payload["tab"])).placing()
                     yield part.number, t_ns, payload, placing, step_moves
+
+
+def _is_size(size_px: Any) -> bool:
+    """Tell whether somebody's page said how large it is: what it says is as it was sent."""
+    is_pair = isinstance(size_px, list) and len(size_px) == 2
+    return is_pair and all(isinstance(px, int) and 0 < px <= MAX_VIEW_PX for px in size_px)

@@ -240,7 +240,7 @@ class Visitor:
             "screen": dict(SCREEN),
             "outside": 0,
             "answer": answer,
-            **({"view_px": list(VIEW_PX)} if {"pointer", "turns"} & facts else {}),
+            "view_px": list(VIEW_PX),
             **({"frame_ms": FRAME_MS} if "turns" in facts else {}),
         }
 
