@@ -164,7 +164,13 @@ def test_each_picture_has_maps_of_its_own(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "seen.py").write_text(PICTURES, "utf-8")
-    (tmp_path / "areas.yaml").write_text("left: {ellipse: [60, 60, 40, 40]}\n", "utf-8")
+    (tmp_path / "areas.yaml").write_text(
+        "left: {ellipse: [60, 60, 40, 40]}\nright: {mask: painted.png, colour: red}\n", "utf-8"
+    )
+    painted = Image.new("RGB", (240, 120))
+    painted.paste((255, 0, 0), (120, 0, 240, 60))
+    painted.paste((255, 0, 0), (120, 60, 180, 120))
+    painted.save(tmp_path / "painted.png")
     for name, grey in (("desk", 40), ("shelf", 200)):
         Image.new("RGB", (240, 120), (grey, grey, grey)).save(tmp_path / f"{name}.png")
     for command in (
@@ -179,6 +185,16 @@ def test_each_picture_has_maps_of_its_own(
     assert ("day", "night") == desk.levels == shelf.levels
     middle = desk.image[desk.image.shape[0] // 2, desk.image.shape[1] // 2, 0]
     assert 100 < shelf.image[shelf.image.shape[0] // 2, shelf.image.shape[1] // 2, 0] - int(middle)
+    desk, _ = gaze_maps(data, "light", peek=None, on_trial=lambda *of: None, during="stimulus")
+    ((_, (left,)), (name, (right,))) = desk.outlines
+    assert ("right", 6) == (name, len(right))
+    # an ellipse of 40 by 40 pixels around (60, 60), and an L from the picture's middle to its right
+    px = np.ptp(left[:, 0]) / 40
+    middle = left.min(axis=0) / 2 + left.max(axis=0) / 2 + [60 * px, 0]
+    corners = [(0, 60), (120, 60), (120, 0), (60, 0), (60, -60), (0, -60)]
+    wanted = middle + np.array(corners) * px
+    apart = np.linalg.norm(wanted[:, None] - right, axis=2)
+    assert 2 * px > max(apart.min(axis=0).max(), apart.min(axis=1).max())
     (one,) = gaze_maps(data, "place", peek=None, on_trial=lambda *of: None, during="fixation")
     assert "" == one.picture  # the cross was the same in all trials
     result = CliRunner().invoke(

@@ -10,7 +10,14 @@ from typer.testing import CliRunner
 
 from visavis.analysis.gaze.sphere_maps import SphereGrid
 from visavis.cli.app import app
-from visavis.cli.gaze_map import AT_MIDDLE, TrialGaze, gaze_maps, maps_of_people, table_of_maps
+from visavis.cli.gaze_map import (
+    AT_MIDDLE,
+    TrialGaze,
+    _figure,
+    gaze_maps,
+    maps_of_people,
+    table_of_maps,
+)
 from visavis.cli.recorded_trial import recorded_trial
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import direction_from_yaw_pitch_deg
@@ -96,10 +103,10 @@ def test_gaze_lies_where_it_was_in_the_picture_whatever_was_ahead_at_first(
         usable_s = 4 * (gaze["valid"] & lit).sum() / lit.sum()
         assert usable_s == pytest.approx((density * GRID.area_deg2()).sum(), rel=0.02)
         assert share_within(density, 60, 10, 12) > (0.3 if not display else 0.1)
-    ((_, door), *lamps) = maps.outlines
+    ((_, (door,)), *lamps) = maps.outlines
     assert [60, 10] == pytest.approx(door.mean(axis=0).tolist())
     assert [("lamp", -180.0), ("lamp", 180.0)] == [
-        (name, pytest.approx(corners[:, 0].mean())) for name, corners in lamps
+        (name, pytest.approx(corners[:, 0].mean())) for name, (corners,) in lamps
     ]
     table = table_of_maps(maps, is_simulated=True)
     assert 2 * GRID.rows * GRID.columns == len(table)
@@ -120,6 +127,35 @@ def test_the_verb_draws_the_whole_picture_with_axes_in_degrees(
     data = open_study(tmp_path / "data" / "simulated" / "seen")
     (flat,) = gaze_maps(data, "ahead", peek=None, on_trial=lambda *of: None, during="fixation")
     assert not isinstance(flat.grid, SphereGrid)
+
+
+def test_painted_areas_are_outlined_by_name_whole_across_the_edge_of_the_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_panorama(tmp_path / "a.png")
+    painted = np.zeros((1024, 2048, 3), np.uint8)
+    painted[512:704, :64] = painted[512:704, -128:] = (255, 0, 0)  # cut by the picture's edge
+    painted[560:600, -64:-32] = 0  # a hole
+    painted[384:512, 1280:1408] = (0, 80, 255)
+    Image.fromarray(painted).save(tmp_path / "painted.png")
+    words = STUDY.replace("areas.yaml", "painted.png").replace('"door"', '"blue"')
+    monkeypatch.setattr(f"{__name__}.STUDY", words)
+    data = open_study(simulate_study(tmp_path, monkeypatch, "a.png", "--screen"))
+    (maps,) = gaze_maps(data, "ahead", peek=None, on_trial=lambda *of: None)
+    (_, (blue,)), (_, (left,)), (_, (right, hole)) = maps.outlines
+    box = [(line.min(axis=0).tolist(), line.max(axis=0).tolist()) for line in (blue, left, right)]
+    assert [
+        ([45.0, 0.0], [67.5, 22.5]),
+        ([-202.5, -33.75], [-168.75, 0.0]),
+        ([157.5, -33.75], [191.25, 0.0]),
+    ] == [(pytest.approx(low), pytest.approx(high)) for low, high in box]
+    assert 360 * 32 / 2048 == pytest.approx(np.ptp(hole[:, 0]))
+    panels = _figure(maps, {"0": "0", "120": "120"}).axes
+    for panel in panels[:2]:
+        assert ["blue", "red", "red"] == [text.get_text() for text in panel.texts]
+        assert 4 == len(panel.patches)
+        for text in panel.texts:  # a name is where one sees it
+            assert (abs(np.array(text.xy)) <= [180, 90]).all()
 
 
 def test_a_film_all_around_is_drawn_as_it_was_some_time_after_its_onset(

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from visavis.stimuli.areas import Area, pack_runs, unpack_runs
-from visavis.stimuli.painted_outlines import MAX_CORNERS, Ints, outlines_of
+from visavis.stimuli.painted_outlines import MAX_CORNERS, Ints, outlines_of, painted_outlines
 
 Mask = npt.NDArray[np.bool_]
 
@@ -76,3 +76,15 @@ def test_noise_and_speckles_have_no_more_corners_than_a_page_takes() -> None:
     outlines = outlines_in(small, 0.0)
     assert sum(map(len, outlines)) <= MAX_CORNERS
     assert np.array_equal(small, within(outlines, small.shape))
+
+
+def test_what_the_edge_of_a_panorama_cuts_is_whole_across_it() -> None:
+    mask = np.zeros((10, 40), np.bool_)
+    mask[2:6, :4] = mask[2:6, 37:] = mask[4, 10:12] = True
+    area = Area("sofa", pixels=pack_runs(mask))
+    cut, whole = (painted_outlines(area, 0.5, around_px) for around_px in (0, 40))
+    assert [[0, 4], [10, 12], [37, 40]] == sorted([o[:, 0].min(), o[:, 0].max()] for o in cut)
+    assert [[-3, 4], [10, 12]] == sorted([o[:, 0].min(), o[:, 0].max()] for o in whole)
+    everywhere = Area("floor", pixels=pack_runs(np.ones((3, 40), np.bool_)))
+    (floor,) = painted_outlines(everywhere, 0.5, 40)
+    assert (0, 40) == (floor[:, 0].min(), floor[:, 0].max())

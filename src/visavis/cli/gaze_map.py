@@ -9,7 +9,9 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from PIL import Image as PillowImage
 
 from visavis.analysis.gaze.maps import (
@@ -46,8 +48,9 @@ from visavis.results.flat_again import read_items_text
 from visavis.results.opened_study import OpenedStudy
 from visavis.results.several_sessions import SESSION_NUMBER
 from visavis.running.scripts import StudyData
-from visavis.stimuli.areas import SurroundingAreas
+from visavis.stimuli.areas import Area, PictureAreas, SurroundingAreas
 from visavis.stimuli.flat import Image, Panorama, Video
+from visavis.stimuli.painted_outlines import painted_outlines
 from visavis.stimuli.picture import Picture
 from visavis.stimuli.room_areas import RoomAreas
 from visavis.stimuli.surfaces import Surfaces
@@ -67,6 +70,7 @@ AROUND_PX: Final = (1440, 720)
 CELLS: Final = (160, 100)
 MIN_TANGENT, MAX_TANGENT, WITHIN_01 = 0.3, 0.84, 0.98
 ALPHA: Final = 0.05
+ON_ANY_COLOUR: Final = (withStroke(linewidth=1.4, foreground="#202020"),)
 AT_MIDDLE: Final = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 Pictures = tuple[Image | Video | Panorama, ...]
 """What a trial showed, or the panorama alone that was behind it."""
@@ -109,9 +113,9 @@ class GazeMaps:
     image: "np.ndarray[Any, np.dtype[np.uint8]]"
     clusters: tuple[Cluster, ...] | None
     why_not: str
-    outlines: tuple[tuple[str, Values], ...] = ()
-    """The areas of interest of the trial that is drawn, by name: corners (n, 2) in the grid's own
-    units.
+    outlines: tuple[tuple[str, tuple[Values, ...]], ...] = ()
+    """The areas of interest of the trial that is drawn, by name: the corners (n, 2) of each closed
+    line, in the grid's own units; painted ones may have several, holes among them.
     """
     picture: str = ""
 
@@ -198,9 +202,9 @@ def _names_of(pictures: Iterable[Pictures]) -> list[str]:
 
 def _outlines(
     trial: RecordedTrial, during: str, seen_from: Pose, t_ns: int
-) -> tuple[tuple[str, Values], ...]:
+) -> tuple[tuple[str, tuple[Values, ...]], ...]:
     """Return the areas of interest of what a trial showed, where they were at a time: name and
-    tangents x, y (corners, 2).
+    tangents x, y (corners, 2) of each line.
     """
     outlines = []
     sheets = areas_shown(TrialRecord(trial.row, trial.recording), during) if during else ()
@@ -208,11 +212,23 @@ def _outlines(
         if isinstance(sheet, RoomAreas):  # things have no outlines that one could draw
             continue
         for area in (area for area in sheet.areas_now(t_ns) if area is not None):
-            corners_m = np.array([sheet.place_m(x, y) for x, y in area.corners().tolist()])
-            if len(corners_m):  # a painted area has none
+            lines = []
+            for line in _lines(area, sheet, SIZE_PX[0]):
+                corners_m = np.array([sheet.place_m(x, y) for x, y in line.tolist()])
                 x, y, _ = _tangents(seen_from, corners_m)
-                outlines.append((area.name, np.stack([x, y], axis=1)))
+                lines.append(np.stack([x, y], axis=1))
+            outlines.append((area.name, tuple(lines)))
     return tuple(outlines)
+
+
+def _lines(area: Area, sheet: PictureAreas, wide_px: int) -> list[Values]:
+    """Return the closed lines (n, 2) around an area of a picture, in its pixels, as exact as a
+    drawing so wide shows them.
+    """
+    if not area.pixels:
+        return [area.corners()]
+    around_px = sheet.size_px[0] if isinstance(sheet, SurroundingAreas) else 0
+    return painted_outlines(area, max(1.0, max(sheet.size_px) / wide_px), around_px)
 
 
 def _looks(
@@ -371,7 +387,7 @@ def _directions(trial: RecordedTrial, during: str) -> tuple[Vector, Vector, Valu
 
 def _all_around(
     study: OpenedStudy, first: RecordedTrial, during: str, since_ns: int
-) -> tuple[Any, tuple[tuple[str, Values], ...]]:
+) -> tuple[Any, tuple[tuple[str, tuple[Values, ...]], ...]]:
     """Return the whole picture of the first trial's panorama as it was after a time, the left eye's
     if there are two, and its areas, in degrees.
     """
@@ -382,11 +398,15 @@ def _all_around(
     px_per_deg = around.size_px[0] / 360.0
     outlines = []
     for area in (area for area in around.areas_now(t_ns) if area is not None):
-        corners = area.corners() / px_per_deg * np.array([1, -1]) + np.array([-180, 90])
+        own = [
+            line / px_per_deg * np.array([1, -1]) + np.array([-180, 90])
+            for line in _lines(area, around, AROUND_PX[0])
+        ]
         for shift_deg in (-360, 0, 360):  # it may reach across the picture's edge
-            corners_here = corners + np.array([shift_deg, 0.0])
-            if len(corners) and corners_here[:, 0].max() > -180 and corners_here[:, 0].min() < 180:
-                outlines.append((area.name, corners_here))
+            shifted = [line + np.array([shift_deg, 0.0]) for line in own]
+            lines = tuple(a for a in shifted if a[:, 0].max() > -180 and a[:, 0].min() < 180)
+            if lines:
+                outlines.append((area.name, lines))
     return np.array(whole), tuple(outlines)
 
 
@@ -553,16 +573,16 @@ def _figure(result: GazeMaps, names: Mapping[str, str]) -> Figure:
             extent=reach,
             interpolation="bilinear",
         )
-        for name, corners in result.outlines:
-            axes.fill(*corners.T, fill=False, edgecolor="white", linewidth=0.6)
-            axes.annotate(
-                name,
-                corners.min(axis=0),
-                color="white",
-                fontsize=5,
-                va="top",
-                annotation_clip=True,
-            )
+        for name, lines in result.outlines:
+            for line in lines:
+                axes.fill(
+                    *line.T,
+                    fill=False,
+                    edgecolor="white",
+                    linewidth=0.6,
+                    path_effects=ON_ANY_COLOUR,
+                )
+            _put_name(axes, name, lines[0], reach)  # the longest
         axes.set_title(f"{names[level]} (n = {len(result.people[level])})", fontsize=9.5)
     figure.colorbar(
         colours, ax=every[: len(result.levels)], shrink=0.7, label="ms per deg² and trial"
@@ -588,6 +608,25 @@ def _figure(result: GazeMaps, names: Mapping[str, str]) -> Figure:
         axes.set_title(f"{names[first]} minus {names[second]}", fontsize=9.5)
         figure.colorbar(colours, ax=axes, shrink=0.7)
     return figure
+
+
+def _put_name(
+    axes: Axes, name: str, line: Values, reach: tuple[float, float, float, float]
+) -> None:
+    """Write an area's name below its left end, or nearest to that within the picture."""
+    left, right, bottom, top = reach
+    x, y = np.maximum(line.min(axis=0), [left, bottom])
+    is_right, is_low = x > left + 0.9 * (right - left), y < bottom + 0.1 * (top - bottom)
+    axes.annotate(
+        name,
+        (min(line[:, 0].max(), right) if is_right else x, y),
+        color="white",
+        fontsize=5,
+        ha="right" if is_right else "left",
+        va="bottom" if is_low else "top",
+        annotation_clip=True,
+        path_effects=ON_ANY_COLOUR,
+    )
 
 
 def table_of_maps(result: GazeMaps, *, is_simulated: bool) -> pd.DataFrame:

@@ -6,11 +6,37 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from visavis.stimuli.areas import Area, Values, unpack_runs
+
 Ints = npt.NDArray[np.int64]
 MAX_CORNERS: Final = 400
 """Of all outlines of an area; of more the smallest bends are left out."""
 STEPS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))
 """Ways along an edge, each a right turn after the one before (x right, y down)."""
+
+
+def painted_outlines(area: Area, tolerance_px: float, around_px: int = 0) -> list[Values]:
+    """Return the outlines (n, 2) of a painted area, as `outlines_of` does; of pixels too few for
+    one its middle. In a picture that goes all around, `around_px` wide, what its edge cuts is
+    whole: corners may lie beyond the edge.
+    """
+    runs = unpack_runs(area.pixels)
+    if around_px:
+        runs = _joined(runs, around_px)
+    outlines = [one.astype(np.float64) for one in outlines_of(runs, tolerance_px)]
+    return outlines or [np.array([area.middle()])]
+
+
+def _joined(runs: npt.NDArray[np.int32], around_px: int) -> npt.NDArray[np.int32]:
+    """Return runs with what lies beyond the last empty column moved to before the first."""
+    changes = np.zeros(around_px + 1, np.int64)
+    np.add.at(changes, runs[:, 1], 1)
+    np.add.at(changes, runs[:, 2], -1)
+    is_empty = np.cumsum(changes)[:-1] == 0
+    if is_empty[0] or is_empty[-1] or not is_empty.any():
+        return runs
+    beyond = runs[:, 1] > np.flatnonzero(is_empty)[-1]
+    return runs - beyond[:, None] * np.array([0, around_px, around_px], np.int32)
 
 
 def outlines_of(runs: npt.NDArray[np.int32], tolerance_px: float) -> list[Ints]:

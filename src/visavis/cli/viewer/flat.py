@@ -22,10 +22,9 @@ from visavis.stimuli.areas import (
     SurroundingAreas,
     areas_under,
     read_areas_text,
-    unpack_runs,
 )
 from visavis.stimuli.dressing.flat import first_sheets, monitor_of
-from visavis.stimuli.painted_outlines import outlines_of
+from visavis.stimuli.painted_outlines import painted_outlines
 from visavis.stimuli.picture import Picture, Sheet
 from visavis.stimuli.room_areas import RoomAreas
 from visavis.stimuli.scene import SceneFrame
@@ -199,8 +198,8 @@ def _outlines(area: Area, sheet: PictureAreas) -> list[Vector]:
     pixels too few for one its middle.
     """
     side_px = SIDE_PX["around" if isinstance(sheet, SurroundingAreas) else "flat"]
-    outlines = outlines_of(unpack_runs(area.pixels), max(1.0, max(sheet.size_px) / side_px))
-    return [o.astype(np.float64) for o in outlines] or [np.array([area.middle()])]
+    around_px = sheet.size_px[0] if isinstance(sheet, SurroundingAreas) else 0
+    return painted_outlines(area, max(1.0, max(sheet.size_px) / side_px), around_px)
 
 
 def _corners(area: Area) -> Vector:
