@@ -214,8 +214,7 @@ def _outlines(
         for area in (area for area in sheet.areas_now(t_ns) if area is not None):
             lines = []
             for line in _lines(area, sheet, SIZE_PX[0]):
-                corners_m = np.array([sheet.place_m(x, y) for x, y in line.tolist()])
-                x, y, _ = _tangents(seen_from, corners_m)
+                x, y, _ = _tangents(seen_from, sheet.places_m(line, t_ns))
                 lines.append(np.stack([x, y], axis=1))
             outlines.append((area.name, tuple(lines)))
     return tuple(outlines)

@@ -293,11 +293,15 @@ class PlacedAreas:
 
     def place_m(self, x: float, y: float) -> Vector:
         """Return where a pixel is in the world."""
-        right_m = (x / self.size_px[0] - 0.5) * self.size_m[0]
-        up_m = (0.5 - y / self.size_px[1]) * self.size_m[1]
-        offset_m = rotate(self.pose.orientation_wxyz, np.array([right_m, up_m, 0.0]))
-        place: Vector = self.pose.position_m + offset_m
-        return place
+        return self.places_m(np.array([x, y]), 0)
+
+    def places_m(self, corners: Values, t_ns: int) -> Vector:
+        """Return where places (…, 2) in its pixels are in the world (…, 3), at any time."""
+        right_m = (corners[..., 0] / self.size_px[0] - 0.5) * self.size_m[0]
+        up_m = (0.5 - corners[..., 1] / self.size_px[1]) * self.size_m[1]
+        own_m = np.stack([right_m, up_m, np.zeros_like(up_m)], axis=-1)
+        places: Vector = self.pose.position_m + rotate(self.pose.orientation_wxyz, own_m)
+        return places
 
     def degrees_px(self, origin_m: Vector) -> tuple[float, float]:
         """Return how many degrees a pixel is wide and high from an eye, in the middle."""
@@ -388,13 +392,21 @@ class SurroundingAreas:
 
     def place_m(self, x: float, y: float, turned_deg: tuple[float, float] = (0.0, 0.0)) -> Vector:
         """Return where a pixel is in the world, on a sphere of `FAR_M` around the head."""
+        return self._places_m(np.array([x, y]), turned_deg)
+
+    def places_m(self, corners: Values, t_ns: int) -> Vector:
+        """Return where places (…, 2) in its pixels are (…, 3), as the view is turned at a time."""
+        return self._places_m(corners, self.turns.at(t_ns))
+
+    def _places_m(self, corners: Values, turned_deg: tuple[float, float]) -> Vector:
         width, height = self.size_px
-        yaw_deg, pitch_deg = (0.5 - x / width) * 360.0, (0.5 - y / height) * 180.0
+        yaw_deg = (0.5 - corners[..., 0] / width) * 360.0
+        pitch_deg = (0.5 - corners[..., 1] / height) * 180.0
         towards = direction_from_yaw_pitch_deg(yaw_deg, pitch_deg)
-        place: Vector = self.pose.position_m + FAR_M * rotate(
+        places: Vector = self.pose.position_m + FAR_M * rotate(
             self.orientation_at(turned_deg), towards
         )
-        return place
+        return places
 
     def size_deg2(self, area: Area, origin_m: Vector) -> float:
         """Return about the size of one of them, in square degrees."""

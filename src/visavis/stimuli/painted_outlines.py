@@ -36,7 +36,10 @@ def _joined(runs: npt.NDArray[np.int32], around_px: int) -> npt.NDArray[np.int32
     if is_empty[0] or is_empty[-1] or not is_empty.any():
         return runs
     beyond = runs[:, 1] > np.flatnonzero(is_empty)[-1]
-    return runs - beyond[:, None] * np.array([0, around_px, around_px], np.int32)
+    joined: npt.NDArray[np.int32] = runs - beyond[:, None] * np.array(
+        [0, around_px, around_px], np.int32
+    )
+    return joined
 
 
 def outlines_of(runs: npt.NDArray[np.int32], tolerance_px: float) -> list[Ints]:

@@ -27,6 +27,17 @@ function caseOf({at, turn, size: [wide, high]}) {
   return {solid: 'box', model: modelMatrix(add(at, rotate(turn, [0, 0, 1]), -0.012), turn, [wide + 0.02, high + 0.02, 0.02]), paint: [0.1, 0.1, 0.11]};
 }
 
+// What of a closed line lies before a plane through the origin.
+function cutBy(line, normal) {
+  const before = line.map(p => p[0] * normal[0] + p[1] * normal[1] + p[2] * normal[2]), out = [];
+  line.forEach((p, k) => {
+    const last = (k || line.length) - 1, a = before[last], b = before[k];
+    if (a >= 0 !== b >= 0) out.push(add(line[last], sub(p, line[last]), a / (a - b)));
+    if (b >= 0) out.push(p);
+  });
+  return out;
+}
+
 class Flat {
   constructor(content, data) {
     Object.assign(this, {data, content});
@@ -50,16 +61,17 @@ class Flat {
       const numbers = at(k), corners = Array.from({length: numbers.length / 3}, (_, c) => numbers.slice(3 * c, 3 * c + 3));
       return {name, corners, outlines: outlines || [corners.length]};
     }).filter(area => !Number.isNaN(area.corners[0][0]));
-    return this.monitor && this.turnAt ? areas.map(area => this.throughMonitor(area)).filter(Boolean) : areas;
+    return this.monitor ? areas.map(area => this.throughMonitor(area)).filter(area => area.corners.length) : areas;
   }
 
-  // An area as it was seen through the monitor, no farther than to its edges; null where nothing of it was.
+  // An area as it was seen through the monitor: cut by the planes through the eye and the edges (Sutherland and Hodgman).
   throughMonitor({name, corners, outlines}) {
-    const {at, turn: [w, x, y, z], size: sizes} = this.monitor, places = corners.map(p => this.onMonitor(this.data.eye, sub(p, this.data.eye)));
-    if (places.some(p => !p)) return null;
-    const own = places.map(p => rotate([w, -x, -y, -z], sub(p, at))), within = (v, a) => Math.max(-sizes[a] / 2, Math.min(sizes[a] / 2, v));
-    if ([0, 1].some(a => own.every(p => p[a] > sizes[a] / 2) || own.every(p => p[a] < -sizes[a] / 2))) return null;
-    return {name, outlines, corners: own.map(p => add(at, rotate(this.monitor.turn, [within(p[0], 0), within(p[1], 1), 0])))};
+    const {at, turn, size: [wide, high]} = this.monitor, {eye} = this.data, [w, x, y, z] = turn;
+    const own = p => rotate([w, -x, -y, -z], sub(p, eye)), [right, up, back] = own(at);
+    const planes = [[-back, 0, right - wide / 2], [back, 0, -right - wide / 2], [0, -back, up - high / 2], [0, back, -up - high / 2]];
+    let from = 0;
+    const lines = outlines.map(n => planes.reduce(cutBy, corners.slice(from, from += n).map(own))).filter(line => line.length);
+    return {name, outlines: lines.map(line => line.length), corners: lines.flat().map(p => add(eye, rotate(turn, p.map(v => v * back / p[2]))))};
   }
 
   // Where a line from an eye meets the monitor's plane; null where it leads away from it.

@@ -34,6 +34,8 @@ from visavis.study.scenes import FLAT
 
 ELLIPSE_EVERY: Final = 8
 """Of the many corners of an ellipse a page has every eighth."""
+STEP_DEG: Final = 5.0
+"""Between two corners around the eye: a line between them is within a tenth of a degree."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,35 +184,47 @@ def _areas(showing: Showing, t_ns: Sequence[int], bundle: Bundle) -> Iterator[di
     for one in showing.areas:
         for k, area in enumerate(one.areas):
             is_still = isinstance(one, PlacedAreas) and not area.keys
-            outlines = _outlines(area, one) if area.pixels else []
-            course = []
-            for t in t_ns[:1] if is_still else t_ns:
-                now = one.areas_now(t)[k]
-                corners = np.concatenate(outlines) if outlines else _corners(now or area.first())
-                places = _places_m(one, corners, t)
-                course.append(np.full(places.shape, np.nan) if now is None else places)
+            times = t_ns[:1] if is_still else t_ns
+            lines = _lines(area, [one.areas_now(t)[k] for t in times], one)
+            is_there = [one.areas_now(t)[k] is not None for t in times]
+            corners = np.concatenate(lines, axis=1)
+            course = [
+                one.places_m(now, t) if is_now else np.full((len(now), 3), np.nan)
+                for now, t, is_now in zip(corners, times, is_there, strict=True)
+            ]
             content = {"name": area.name, "corners": _course(bundle, course)}
-            yield content | ({"outlines": list(map(len, outlines))} if outlines else {})
+            yield content | ({"outlines": [a.shape[1] for a in lines]} if area.pixels else {})
 
 
-def _outlines(area: Area, sheet: PictureAreas) -> list[Vector]:
-    """Return the outlines of painted pixels of a picture, as exact as the page has the picture; of
-    pixels too few for one its middle.
+def _lines(area: Area, now: Sequence[Area | None], sheet: PictureAreas) -> list[Vector]:
+    """Return the closed lines around an area at each of several times: pixels (times, corners, 2),
+    as exact as the page has the picture. What is straight in a panorama bends around the eye, so it
+    has corners on its way.
     """
-    side_px = SIDE_PX["around" if isinstance(sheet, SurroundingAreas) else "flat"]
-    around_px = sheet.size_px[0] if isinstance(sheet, SurroundingAreas) else 0
-    return painted_outlines(area, max(1.0, max(sheet.size_px) / side_px), around_px)
+    is_around = isinstance(sheet, SurroundingAreas)
+    if area.pixels:
+        wide_px = sheet.size_px[0] if is_around else 0
+        side_px = SIDE_PX["around" if is_around else "flat"]
+        outlines = painted_outlines(area, max(1.0, max(sheet.size_px) / side_px), wide_px)
+        lines = [np.broadcast_to(line, (len(now), *line.shape)) for line in outlines]
+    else:
+        every = ELLIPSE_EVERY if area.is_ellipse else 1
+        lines = [np.array([(one or area.first()).corners()[::every] for one in now])]
+    if not is_around:
+        return lines
+    step_px = STEP_DEG / 360.0 * sheet.size_px[0]
+    return [_with_steps(line, step_px) for line in lines]
 
 
-def _corners(area: Area) -> Vector:
-    return area.corners()[:: ELLIPSE_EVERY if area.is_ellipse else 1]
-
-
-def _places_m(one: PictureAreas, corners: Vector, t_ns: int) -> Vector:
-    if isinstance(one, SurroundingAreas):
-        turns = one.turns.at(t_ns)
-        return np.array([one.place_m(x, y, turns) for x, y in corners.tolist()])
-    return np.array([one.place_m(x, y) for x, y in corners.tolist()])
+def _with_steps(corners: Vector, step_px: float) -> Vector:
+    """Return closed lines (times, corners, 2) with corners no farther apart than a step along
+    either axis, as many at every time.
+    """
+    edges = np.roll(corners, -1, axis=1) - corners
+    counts = np.ceil(np.abs(edges).max(axis=(0, 2)) / step_px).clip(1).astype(int)
+    of = np.repeat(np.arange(len(counts)), counts)
+    shares = np.concatenate([np.arange(n) / n for n in counts])
+    return corners[:, of] + shares[:, None] * edges[:, of]
 
 
 def _course(bundle: Bundle, values: Sequence[Vector]) -> dict[str, Any]:

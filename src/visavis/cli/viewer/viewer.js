@@ -408,14 +408,14 @@ class Viewer {
 
   // An area of interest on a picture; a painted one may have several outlines.
   drawArea(g, area, at, ratio, isHit, named, width, height) {
-    const corners = area.corners.map(at);
-    if (corners.some(p => !p) || corners.every(p => p[0] < 0 || p[0] > width || p[1] < 0 || p[1] > height)) return;
+    const places = area.corners.map(at), corners = places.filter(p => p && p[0] >= 0 && p[0] <= width && p[1] >= 0 && p[1] <= height);
+    if (!corners.length) return; // none is in view
     let from = 0;
-    area.paths = area.outlines.map(n => corners.slice(from, from += n));
+    area.paths = area.outlines.map(n => places.slice(from, from += n));
     for (const path of area.paths) this.outline(g, [...path, path[0]], isHit ? GAZE : '#d8d8d8', (isHit ? 2.5 : 1) * ratio, ratio);
     const top = corners.reduce((a, b) => b[1] < a[1] ? b : a);
     named.push({text: inWords(area.name), x: corners.reduce((s, p) => s + p[0], 0) / corners.length, y: top[1] - 8 * ratio, colour: isHit ? GAZE : '#ddd', far: isHit ? 0 : top[2]});
-    area.paths = area.paths.map(path => path.map(p => [p[0] / ratio, p[1] / ratio]));
+    area.paths = area.paths.map(path => path.filter(Boolean).map(p => [p[0] / ratio, p[1] / ratio]));
   }
 
   // Where the window was that followed gaze or the pointer.
@@ -424,10 +424,10 @@ class Viewer {
     if (rim?.every(Boolean)) this.outline(g, rim, WINDOW, 2 * ratio, ratio);
   }
 
-  // A line through points, readable on any colour.
+  // A line through points, readable on any colour; it breaks where one is missing.
   outline(g, points, colour, wide, ratio) {
     g.beginPath();
-    points.forEach((p, k) => k ? g.lineTo(p[0], p[1]) : g.moveTo(p[0], p[1]));
+    points.forEach((p, k) => p && (points[k - 1] ? g.lineTo(p[0], p[1]) : g.moveTo(p[0], p[1])));
     for (const [more, ink] of [[2 * ratio, 'rgba(20,20,20,.6)'], [0, colour]]) { g.lineWidth = wide + more; g.strokeStyle = ink; g.stroke(); }
   }
 
