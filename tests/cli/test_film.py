@@ -284,6 +284,7 @@ def test_a_trial_on_a_page_is_led_again_through_what_was_on_the_page(on_page: Pa
     row = trial_row(recording, "T01")
     seen = seen_trial(opened("films"), recording, row)
     first, pair, effort = seen.steps
+    assert "" == seen.problem
     assert (["film"], ["left", "right"], []) == (
         list(first.films),
         list(pair.films),

@@ -237,7 +237,7 @@ def test_a_reply_that_does_not_say_how_large_the_window_was_has_what_was_said_be
     said: list[dict[str, Any]], size_px: list[int] | None
 ) -> None:
     pieces = [*said, {"kind": "reply", "step": 1, "reply": {}}]
-    events = [{"name": "trial_start", "t_ns": 0, "payload": {"trial_id": "T01"}}]
+    events = [{"name": "trial_start", "t_ns": 0, "payload": {"trial_id": "T01", "attempt": 1}}]
     events += [
         {"name": "page_event", "t_ns": 5, "payload": {"tab": "a", "n": n, "at_ms": 1.0, **piece}}
         for n, piece in enumerate(pieces)
@@ -246,7 +246,7 @@ def test_a_reply_that_does_not_say_how_large_the_window_was_has_what_was_said_be
         manifest=SimpleNamespace(parts=[SimpleNamespace(number=1)]),
         journal=lambda number: SimpleNamespace(events=events),
     )
-    ((_, _, payload, _, _),) = seen._replies(recording, "T01")
+    ((_, _, payload, _, _),) = seen._replies(recording, "T01", 1)
     assert size_px == payload["reply"].get("view_px")
 
 

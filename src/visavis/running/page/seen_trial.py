@@ -148,7 +148,7 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
                 watched_steps.append(action.viewing)
             reply = yield action
 
-    replies = _replies(recording, str(row["trial_id"]))
+    replies = _replies(recording, str(row["trial_id"]), int(row["attempt"]))
     performing = perform_on_page(script, note_steps, lambda film: {"film": "", "sha256": ""})
     seen_steps: list[SeenStep] = []
     reply: Reply | None = None
@@ -252,14 +252,14 @@ def _parts(step: PageStep, reply: Reply, folder: Path) -> tuple[SeenPart, ...]:
 
 
 def _replies(
-    recording: Recording, trial_id: str
+    recording: Recording, trial_id: str, attempt: int
 ) -> Iterator[
     tuple[int, int, Mapping[str, Any], Callable[[float], int], tuple[Mapping[str, Any], ...]]
 ]:
-    """Yield the replies of a trial, whose beginning may lie in an earlier part than its end: part,
-    session time, payload, the conversion from the page's clock to session time, and the events
-    with movements during the step. A reply that does not say how large the window was has what the
-    page said of it before.
+    """Yield the replies of an attempt at a trial, whose beginning may lie in an earlier part than
+    its end: part, session time, payload, the conversion from the page's clock to session time, and
+    the events with movements during the step. A reply that does not say how large the window was
+    has what the page said of it before.
     """
     is_here = False
     sizes_px: dict[str, Any] = {}
@@ -269,7 +269,7 @@ def _replies(
         for event in recording.journal(part.number).events:
             payload, t_ns = event["payload"], int(event["t_ns"])
             if event["name"] == "trial_start":
-                is_here = payload["trial_id"] == trial_id
+                is_here = (payload["trial_id"], payload["attempt"]) == (trial_id, attempt)
             if event["name"] != "page_event":
                 continue
             clocks.follow(payload, t_ns)
