@@ -58,6 +58,7 @@ def test_a_host_that_stamps_by_ticks_loses_nothing_but_what_is_lost(
 @settings(max_examples=30, deadline=None)
 @example(rate_hz=50, packet=26, lost=2, seed=0)  # losses of more than a second
 @example(rate_hz=50, packet=16, lost=5, seed=7)  # a loss where a stretch begins
+@example(rate_hz=50, packet=22, lost=5, seed=8)  # a loss in each of three blocks is no other rate
 @given(
     rate_hz=st.sampled_from([50, 100, 250, 500]),
     packet=st.integers(2, 40),

@@ -36,6 +36,7 @@ FEW_HOLES, MAX_PACKET_ROWS = 10, 256
 """Fewer holes than this, or more rows between them, are pauses between recordings, no packets."""
 RATE_CHANGE_01 = 0.2
 MIN_STRETCH_BLOCKS = 3
+PACKETS_NEARBY = 9
 SHIFT_PERIODS = 0.6
 MAX_REFITS = 5
 MIN_SHORT_01, SHORT_01 = 0.3, 0.25
@@ -270,7 +271,7 @@ def _rate_changes(t_ns: Times, offset: int, pattern: _Pattern) -> Iterator[int]:
     n_blocks = len(t_ns) // size
     if n_blocks < 2 * MIN_STRETCH_BLOCKS:
         return
-    steps = np.diff(t_ns)[: n_blocks * size - 1]
+    steps = _without_lost_packets(np.diff(t_ns)[: n_blocks * size - 1], pattern)
     padded = np.append(steps, steps[-1]).reshape(n_blocks, size)
     periods = np.median(padded, axis=1) if pattern.is_even else padded.mean(axis=1)
     begin = 0
@@ -284,6 +285,22 @@ def _rate_changes(t_ns: Times, offset: int, pattern: _Pattern) -> Iterator[int]:
         ):
             begin = block
             yield offset + _first_row_of(steps, block * size, size, before, after.mean() * before)
+
+
+def _without_lost_packets(steps: Times, pattern: _Pattern) -> Times:
+    """Return steps, of which those much longer than others between packets nearby are as long.
+
+    Few packets make a block: were each of three blocks to lose one, it would look like a rate.
+    """
+    long_rows = np.flatnonzero(steps > pattern.longest_ns)
+    if pattern.is_even or len(long_rows) < PACKETS_NEARBY:
+        return steps
+    between = steps[long_rows]
+    around = np.pad(between, PACKETS_NEARBY // 2, "reflect")
+    usual = np.median(np.lib.stride_tricks.sliding_window_view(around, PACKETS_NEARBY), axis=1)
+    shortened = steps.copy()
+    shortened[long_rows] = np.where(between > USUAL_STEPS * usual, usual, between)
+    return shortened
 
 
 def _first_row_of(steps: Times, row: int, size: int, before_ns: float, after_ns: float) -> int:
