@@ -37,7 +37,7 @@ class SoundCardSpeaker:
             self._stream = library.OutputStream(
                 device=device, channels=1, dtype="float32", latency="low", callback=self._fill
             )
-        except library.PortAudioError as problem:
+        except (library.PortAudioError, ValueError) as problem:  # ValueError: no such name
             raise DeviceError(
                 f"the sound output cannot be opened: {problem}",
                 remedy="name one of `python -m sounddevice` by --speaker",
@@ -86,7 +86,7 @@ class SoundCardSensor:
             self._stream = self._library.InputStream(
                 device=self._device, dtype="float32", latency="low", callback=self._take
             )
-        except self._library.PortAudioError as problem:
+        except (self._library.PortAudioError, ValueError) as problem:  # ValueError: no such name
             raise DeviceError(
                 f"the audio input cannot be opened: {problem}",
                 remedy="name one of `python -m sounddevice` by --sensor audio:NAME",

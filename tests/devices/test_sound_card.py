@@ -10,7 +10,7 @@ from visavis.devices.drivers.sound.spec import SOUND_CARD
 from visavis.devices.faults import FaultSchedule, WireFault
 from visavis.devices.sim.sound_card import RATE_HZ, SimulatedPortAudio
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock
-from visavis.lab.errors import DeviceDisconnected, DeviceError
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
 from visavis.stimuli.sound import Waveform
 
@@ -179,6 +179,30 @@ def test_output_that_does_not_exist_is_told_with_what_to_do():
     library = SimulatedPortAudio(clock, faults=never)
     with pytest.raises(DeviceError, match="python -m sounddevice"):
         SoundCard("sound", lambda: library, clock, spec=SOUND_CARD).open(1.0)
+
+
+def test_name_that_no_output_bears_is_told():
+    class Nameless(SimulatedPortAudio):
+        def OutputStream(self, **options):  # noqa: N802 - sounddevice's name
+            raise ValueError(f"No output device matching {options['device']!r}")
+
+    clock = SimClock()
+    library = Nameless(clock)
+    card = SoundCard("sound", lambda: library, clock, spec=SOUND_CARD, device="Headset")
+    with pytest.raises(DeviceNotFound, match=r"'Headset'.*plug it in"):
+        card.open(1.0)
+
+
+def test_card_that_was_away_when_it_was_stopped_is_opened_again_at_the_start():
+    played = Played(faults=FaultSchedule((WireFault("disconnect", 1.0, 1.0),)))
+    with pytest.raises(DeviceDisconnected):
+        played.run(1.5)
+    played.device.stop()
+    played.clock.sleep_until_ns(played.clock.now_ns() + NS_PER_S)
+    played.device.start(played.batches.append)
+    played.device.play(noise(0.1))
+    played.run(0.3)
+    assert 1 == len(played.rows("began"))
 
 
 def test_card_that_does_not_stamp_is_recorded_as_such():

@@ -30,6 +30,8 @@ class Streams:
     def _stream(self, given):
         if given["device"] == "nothing":
             raise self.PortAudioError("Invalid device")
+        if given["device"] == "Headset":
+            raise ValueError("No device matching 'Headset'")
         stream = SimpleNamespace(
             samplerate=RATE_HZ, call=given["callback"], start=lambda: None, close=lambda: None
         )
@@ -75,9 +77,12 @@ def test_click_begins_with_the_next_block_and_ends():
     assert not out.any()
 
 
-def test_input_that_is_not_there_is_told_with_what_to_do():
+@pytest.mark.parametrize("name", ["nothing", "Headset"])
+def test_input_or_output_that_is_not_there_is_told_with_what_to_do(name):
     with pytest.raises(DeviceError, match="--sensor audio:NAME"):
-        SoundCardSensor(Streams(), SimClock(), "nothing").open()
+        SoundCardSensor(Streams(), SimClock(), name).open()
+    with pytest.raises(DeviceError, match="--speaker"):
+        SoundCardSpeaker(Streams(), name)
 
 
 def test_input_that_delivers_nothing_is_no_silence():

@@ -283,6 +283,17 @@ def test_name_that_no_microphone_bears_is_told():
         key.open(1.0)
 
 
+def test_microphone_that_was_away_when_it_was_stopped_is_opened_again_at_the_start():
+    key = Key([7.0], faults=FaultSchedule((WireFault("disconnect", 1.0, 1.0),)))
+    with pytest.raises(DeviceDisconnected):
+        key.run(1.5)
+    key.device.stop()
+    key.run_idle(1.5)
+    key.device.start(key.batches.append)
+    key.run(3.0)
+    assert [7.0] == pytest.approx(key.times_s(1.0), abs=0.005)
+
+
 def test_library_that_is_not_installed_is_told_with_the_line_that_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "sounddevice", None)
     key = driver_wiring("voice_key").on_wire("responses", SimClock())

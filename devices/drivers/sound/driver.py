@@ -6,19 +6,17 @@ which its first sample leaves the card. Devices behind the card (a headset's rad
 an equaliser) add a delay: `visavis sync-test --speaker` measures all of it.
 """
 
-import contextlib
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from visavis.devices.contracts import NO_DEVICE_TIME, ClockPair, DeviceState, Fault, Health, Sink
-from visavis.devices.drivers.sound.card_clock import CardClock
+from visavis.devices.contracts import NO_DEVICE_TIME, DeviceState, Fault
+from visavis.devices.drivers.sound.card_stream import OnCardStream
 from visavis.devices.drivers.sound.mixing import Mixer, Voice
-from visavis.devices.lifecycle import HasLife, Lifecycle
 from visavis.devices.meter import StreamMeter
 from visavis.devices.spec import AnySpec
 from visavis.devices.streams import SOUND, SOUND_EVENTS
@@ -32,16 +30,16 @@ SOUND_BEGAN, SOUND_ENDED, SOUND_STOPPED, UNDERFLOW = (
     SOUND_EVENTS.index(name) for name in ("began", "ended", "stopped", "underflow")
 )
 NOBODY: Final = -1
-AGAIN_NS: Final = NS_PER_S
 MAX_GAIN_DB: Final = 20.0
 
 
-class SoundCard(HasLife):
+class SoundCard(OnCardStream):
     """Follow the `SoundOutput` contract over PortAudio's output stream.
 
-    `load` returns sounddevice or a stand-in; it is called when the device is opened. The card's
-    own thread takes commands with the next block that it asks for.
+    The card's own thread takes commands with the next block that it asks for.
     """
+
+    _part = "sound output"
 
     def __init__(
         self,
@@ -54,46 +52,25 @@ class SoundCard(HasLife):
         volume_01: float = 1.0,
         is_simulated: bool = False,
     ) -> None:
-        self._load, self._clock, self._spec = load, clock, spec
-        self._library: Any = None
+        super().__init__(role, load, clock, spec=spec, is_simulated=is_simulated)
         self._device, self._volume_01 = device or None, volume_01
-        self._life = Lifecycle(role)
-        self._stream: Any = None
         self._mixer = Mixer(48_000)
         self._commands: deque[Voice | int] = deque()
         self._card_events: deque[tuple[int, int, float, bool]] = deque()
         """From the card's thread: number, event, the card's own time (s), whether stamped."""
         self._resampled: dict[tuple[str, int], Waveform] = {}
-        self._card_clock = CardClock(clock)
-        self._sink: Sink | None = None
         self._number = self._unheard_count = 0
         self._begin()
-        self.info = replace(
-            spec.info(role, None),
-            is_simulated=is_simulated,
-            transport="memory" if is_simulated else "sound card",
-            serial="simulated" if is_simulated else "",
-        )
 
     def open(self, deadline_s: float) -> None:
         """Open the card's output; it is silent until something is played."""
-        self._life.require("open", DeviceState.CLOSED)
-        self._library = self._load()
-        self._connect()
+        super().open(deadline_s)
         host = getattr(self._library, "device_name", _given_device)(self._device)
         self.info = replace(self.info, model=host or self.info.model)
-        self._life.state = DeviceState.OPEN
 
     def describe(self) -> tuple[Any, ...]:
         """Return the stream of sound events."""
         return (SOUND,)
-
-    def start(self, sink: Sink) -> None:
-        """Begin taking sounds."""
-        self._life.require("start", DeviceState.OPEN)
-        self._begin()
-        self._sink = sink
-        self._life.state = DeviceState.STREAMING
 
     def play(
         self,
@@ -145,15 +122,12 @@ class SoundCard(HasLife):
         if self._life.state is DeviceState.FAULT:
             self._reconnect()
         elif not self._stream.active:
-            self._lose()
-            raise DeviceDisconnected(
-                "the sound card stopped", role=self.info.role, remedy=self._spec.remedy
-            )
+            raise self._loss("the sound card stopped")
         else:
             self._card_clock.read(self._stream)
         row_count = self._deliver()
-        if timeout_s > 0 and not row_count:
-            self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
+        if not row_count:
+            self._wait(timeout_s)
         return row_count
 
     def stop(self) -> None:
@@ -161,21 +135,7 @@ class SoundCard(HasLife):
         self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
         self.hush()
         self._deliver()
-        self._sink = None
-        self._life.state = DeviceState.OPEN
-
-    def close(self) -> None:
-        """Release the card; idempotent."""
-        stream, self._stream = self._stream, None
-        self._sink = None
-        self._life.state = DeviceState.CLOSED
-        if stream is not None:
-            with contextlib.suppress(self._library.PortAudioError):  # it is gone already
-                stream.close()
-
-    def health(self) -> Health:
-        """Report the sound events so far."""
-        return self._meter.health(self.state, self._clock.now_ns())
+        super().stop()
 
     def check(self) -> tuple[Fault, ...]:
         """Report gaps, sounds that are too loud together, and sounds that were not played."""
@@ -197,10 +157,6 @@ class SoundCard(HasLife):
                 faults.append(Fault(self.info.role, "warning", f"{count} {text}", remedy))
         return tuple(faults)
 
-    def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return readings of the card's clock, each between two of the session's clock."""
-        return tuple(self._card_clock.pairs)
-
     # ---- inside -----------------------------------------------------------------------------
 
     def _begin(self) -> None:
@@ -212,46 +168,23 @@ class SoundCard(HasLife):
         self._mixer.voices = []
         self._mixer.clipped_blocks = 0
 
-    def _connect(self) -> None:
-        try:
-            self._stream = self._library.OutputStream(
-                device=self._device,
-                channels=2,
-                dtype="float32",
-                latency="low",
-                callback=self._fill,
-            )
-            self._mixer.rate_hz = int(self._stream.samplerate)
-            self._stream.start()
-        except self._library.PortAudioError as problem:
-            self._stream = None
-            raise DeviceError(
-                f"the sound output cannot be opened: {problem}",
-                role=self.info.role,
-                remedy="name one of `python -m sounddevice` as device in lab_config.yaml",
-            ) from problem
-        self._card_clock.pairs.clear()
-        self._card_clock.read(self._stream)
+    def _new_stream(self) -> Any:
+        stream = self._library.OutputStream(
+            device=self._device,
+            channels=2,
+            dtype="float32",
+            latency="low",
+            callback=self._fill,
+        )
+        self._mixer.rate_hz = int(stream.samplerate)
+        return stream
 
-    def _lose(self) -> None:
-        self._life.state = DeviceState.FAULT
-        self._retry_ns = self._clock.now_ns() + AGAIN_NS
-        with contextlib.suppress(self._library.PortAudioError):  # it is gone
-            self._stream.close()
-        self._stream = None
+    def _loss(self, text: str) -> DeviceDisconnected:
+        loss = super()._loss(text)
         self._unheard_count += len(self._mixer.voices)
         self._mixer.voices = []
         self._commands.clear()
-
-    def _reconnect(self) -> None:
-        if self._clock.now_ns() < self._retry_ns:
-            return
-        try:
-            self._connect()
-        except DeviceError:
-            self._retry_ns = self._clock.now_ns() + AGAIN_NS
-        else:
-            self._life.state = DeviceState.STREAMING
+        return loss
 
     def _fill(self, out: npt.NDArray[np.float32], n: int, times: Any, status: Any) -> None:
         """Give the card its next block; it runs in the card's own thread."""

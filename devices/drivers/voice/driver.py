@@ -7,27 +7,23 @@ block's time is its arrival less the stream's latency, and `check` says so. Soun
 or handed on: of what is heard only onsets and ends leave this module.
 """
 
-import contextlib
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from visavis.devices.contracts import RESPONSES, ClockPair, DeviceState, Fault, Health, Sink
-from visavis.devices.drivers.sound.card_clock import CardClock
+from visavis.devices.contracts import RESPONSES, DeviceState, Fault, Sink
+from visavis.devices.drivers.sound.card_stream import OnCardStream
 from visavis.devices.drivers.voice.onset import OnsetDetector, Turn
 from visavis.devices.drivers.voice.spec import VOICE, VoiceKeyOptions
-from visavis.devices.lifecycle import HasLife, Lifecycle
 from visavis.devices.meter import StreamMeter
 from visavis.devices.spec import AnySpec
 from visavis.lab.clock import NS_PER_S, Clock
-from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound
+from visavis.lab.errors import DeviceDisconnected
 from visavis.lab.schema import SampleBatch, StreamSchema
 
-AGAIN_NS: Final = NS_PER_S
 STALLED_NS: Final = NS_PER_S
 """A microphone that sends nothing for so long is gone, whatever the system says."""
 KEPT_BLOCKS: Final = 2000
@@ -51,11 +47,10 @@ class Row(NamedTuple):
     value_01: float
 
 
-class VoiceKey(HasLife):
-    """Follow the `ResponseInput` contract over PortAudio's input stream.
+class VoiceKey(OnCardStream):
+    """Follow the `ResponseInput` contract over PortAudio's input stream."""
 
-    `load` returns sounddevice or a stand-in; it is called when the device is opened.
-    """
+    _part = "microphone"
 
     def __init__(
         self,
@@ -67,32 +62,15 @@ class VoiceKey(HasLife):
         options: VoiceKeyOptions,
         is_simulated: bool = False,
     ) -> None:
-        self._load, self._clock, self._spec, self._options = load, clock, spec, options
+        super().__init__(role, load, clock, spec=spec, is_simulated=is_simulated)
+        self._options = options
         self.controls: tuple[str, ...] = (VOICE,)
-        self._library: Any = None
-        self._life = Lifecycle(role)
-        self._stream: Any = None
         self._detector: OnsetDetector | None = None
         self._blocks: deque[_Block] = deque(maxlen=KEPT_BLOCKS)
-        self._card_clock = CardClock(clock)
-        self._sink: Sink | None = None
         self._has_stamps = True
         self._is_down = False
-        self._from_ns = self._last_host_ns = self._last_block_ns = self._retry_ns = 0
+        self._from_ns = self._last_host_ns = self._last_block_ns = 0
         self._begin()
-        self.info = replace(
-            spec.info(role, None),
-            is_simulated=is_simulated,
-            transport="memory" if is_simulated else "sound card",
-            serial="simulated" if is_simulated else "",
-        )
-
-    def open(self, deadline_s: float) -> None:
-        """Open the microphone and begin to hear the room."""
-        self._life.require("open", DeviceState.CLOSED)
-        self._library = self._load()
-        self._connect()
-        self._life.state = DeviceState.OPEN
 
     def describe(self) -> tuple[StreamSchema, ...]:
         """Return the response stream."""
@@ -100,13 +78,10 @@ class VoiceKey(HasLife):
 
     def start(self, sink: Sink) -> None:
         """Begin delivering; who speaks already is heard when they begin anew."""
-        self._life.require("start", DeviceState.OPEN)
-        self._begin()
+        super().start(sink)
         self._card_clock.read(self._stream)
         self._turns()  # only the room's level counts of what was heard so far
         self._from_ns = self._last_host_ns = self._last_block_ns = self._clock.now_ns()
-        self._sink = sink
-        self._life.state = DeviceState.STREAMING
 
     def poll(self, timeout_s: float) -> int:
         """Judge the blocks that came and deliver onsets and ends; see the contract."""
@@ -118,28 +93,12 @@ class VoiceKey(HasLife):
             self._card_clock.read(self._stream)
             row_count = self._deliver(self._final_rows(self._rows_of(self._turns())))
             if not self._stream.active:
-                self._lose("the microphone stopped")
+                raise self._loss("the microphone stopped")
             if self._clock.now_ns() - self._last_block_ns >= STALLED_NS:
-                self._lose("the microphone sends nothing")
-        if timeout_s > 0 and not row_count:
-            self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
+                raise self._loss("the microphone sends nothing")
+        if not row_count:
+            self._wait(timeout_s)
         return row_count
-
-    def stop(self) -> None:
-        """Stop delivering; the microphone stays open."""
-        self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
-        self._sink = None
-        self._life.state = DeviceState.OPEN
-
-    def close(self) -> None:
-        """Release the microphone; idempotent."""
-        self._sink = None
-        self._life.state = DeviceState.CLOSED
-        self._release()
-
-    def health(self) -> Health:
-        """Report onsets and ends so far."""
-        return self._meter.health(self.state, self._clock.now_ns())
 
     def check(self) -> tuple[Fault, ...]:
         """Report blocks that were lost, a card without stamps, and a room that is too loud."""
@@ -158,10 +117,6 @@ class VoiceKey(HasLife):
             faults.append(Fault(self.info.role, "warning", text, remedy))
         return tuple(faults)
 
-    def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return readings of the card's clock, each between two of the session's clock."""
-        return tuple(self._card_clock.pairs)
-
     # ---- inside -----------------------------------------------------------------------------
 
     def _begin(self) -> None:
@@ -169,58 +124,32 @@ class VoiceKey(HasLife):
         self._seq = self._overflows = 0
         self._is_down = False
 
+    def _new_stream(self) -> Any:
+        stream = self._library.InputStream(
+            device=self._options.device or None,
+            channels=1,
+            dtype="float32",
+            blocksize=BLOCK,  # left to itself, PulseAudio may hold sound back for seconds
+            latency="low",
+            callback=self._take,
+        )
+        self._blocks.clear()
+        self._has_stamps = True
+        self._detector = OnsetDetector(
+            stream.samplerate,
+            threshold_db=self._options.threshold_db,
+            least_ms=self._options.least_ms,
+            release_ms=self._options.release_ms,
+        )
+        return stream
+
     def _connect(self) -> None:
-        try:
-            self._stream = self._library.InputStream(
-                device=self._options.device or None,
-                channels=1,
-                dtype="float32",
-                blocksize=BLOCK,  # left to itself, PulseAudio may hold sound back for seconds
-                latency="low",
-                callback=self._take,
-            )
-            self._blocks.clear()
-            self._has_stamps = True
-            self._detector = OnsetDetector(
-                self._stream.samplerate,
-                threshold_db=self._options.threshold_db,
-                least_ms=self._options.least_ms,
-                release_ms=self._options.release_ms,
-            )
-            self._card_clock.pairs.clear()
-            self._stream.start()
-            self._card_clock.read(self._stream)
-        except (self._library.PortAudioError, ValueError) as problem:  # ValueError: no such name
-            self._release()
-            raise DeviceNotFound(
-                f"the microphone cannot be opened: {problem}",
-                role=self.info.role,
-                remedy=self._spec.remedy,
-            ) from problem
+        super()._connect()
         self._last_block_ns = self._clock.now_ns()
 
-    def _release(self) -> None:
-        stream, self._stream = self._stream, None
-        if stream is not None:
-            with contextlib.suppress(self._library.PortAudioError):  # it is gone already
-                stream.close()
-
-    def _lose(self, text: str) -> None:
-        self._life.state = DeviceState.FAULT
-        self._retry_ns = self._clock.now_ns() + AGAIN_NS
+    def _loss(self, text: str) -> DeviceDisconnected:
         self._is_down = False
-        self._release()
-        raise DeviceDisconnected(text, role=self.info.role, remedy=self._spec.remedy)
-
-    def _reconnect(self) -> None:
-        if self._clock.now_ns() < self._retry_ns:
-            return
-        try:
-            self._connect()
-        except DeviceError:
-            self._retry_ns = self._clock.now_ns() + AGAIN_NS
-        else:
-            self._life.state = DeviceState.STREAMING
+        return super()._loss(text)
 
     def _take(self, data: npt.NDArray[np.float32], n: int, times: Any, status: Any) -> None:
         """Take a block; it runs in the card's own thread."""
