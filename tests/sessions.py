@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from tests.faults.sessions import lab
+from visavis.lab.config import LabConfig, load_config
 from visavis.protocol.session.operator import Operator
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.sessions.perform import perform_new
-from visavis.running.sessions.session_request import simulated_request
+from visavis.running.sessions.session_request import Request, simulated_request
 
 STUDIES = Path(__file__).parent / "studies"
 SHORT_STARE = [
@@ -23,6 +24,20 @@ def opened(name: str) -> OpenedStudy:
     found = find_study(name if name.endswith(".py") else str(STUDIES / f"{name}.py"))
     assert isinstance(found, OpenedStudy)
     return found
+
+
+def lab_in(folder: Path, example: Path, show: str = "") -> LabConfig:
+    """Return a lab of an example whose sessions lie in a folder; it shows them as it says."""
+    config = load_config(example)
+    display = config.display.model_copy(update={"show": show or config.display.show})
+    roots = {"data_root": folder / "data", "key_root": folder / "keys"}
+    return config.model_copy(update={**roots, "display": display})
+
+
+def request_in(folder: Path, study: Any, example: Path, show: str = "") -> Request:
+    """Return the request of the first participant's simulated session in such a lab."""
+    config = lab_in(folder, example, show)
+    return simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
 
 
 def perform(

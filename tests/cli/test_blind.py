@@ -10,11 +10,11 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from tests.sessions import lab_in
 from visavis.cli.desk.link import status_message
 from visavis.cli.desk.scene_view import LastGaze
 from visavis.cli.main import app
 from visavis.cli.operator_screen import render
-from visavis.lab.config import load_config
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.protocol.session.operator import SessionStatus, UnattendedOperator
 from visavis.results.opened_study import find_study
@@ -78,9 +78,7 @@ def given_away(texts: list[str]) -> set[str]:
 def performed(folder: Path, *, is_blind: bool) -> list[str]:
     """Return all that an operator reads during a session, and the names of its files."""
     study = find_study(str(study_file(folder, "")))
-    config = load_config(SCREEN_EXAMPLE).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
+    config = lab_in(folder, SCREEN_EXAMPLE)
     operator, progress = _Watching(), []
     request = simulated_request(study, study.experiment({}), config, label="S01B", index=0, seed=1)
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.sessions import request_in
 from visavis.cli.film.film import pictures_of
 from visavis.cli.film.on_page import FilmPictures, page_picture
 from visavis.cli.recorded_trial import recorded_trial
 from visavis.cli.redraw import redraw
-from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DataError
 from visavis.recording.cached import CachedRecording
@@ -18,7 +18,6 @@ from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.page.perform import perform_new as perform_page
 from visavis.running.page.seen_trial import seen_trial
 from visavis.running.sessions.perform import perform_new
-from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.dots import step_at
 from visavis.stimuli.flat import Dots, Grating, Image, Shape, Text
 from visavis.stimuli.flat_pixels import moving_pixels
@@ -61,10 +60,7 @@ def performed(
     """Return a study file and a session of it, which is drawn again by that file."""
     file.write_text(text, "utf-8")
     study = find_study(str(file))
-    config = load_config(lab).model_copy(
-        update={"data_root": file.parent / "data", "key_root": file.parent / "keys"}
-    )
-    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    request = request_in(file.parent, study, lab)
     monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
     return study, CachedRecording(perform_new(request))
 
@@ -113,10 +109,7 @@ def trial(t):
 def test_a_film_of_a_page_shows_what_was_lit_and_then_what_was_asked(tmp_path: Path) -> None:
     (tmp_path / "seen.py").write_text(ON_PAGE, "utf-8")
     study = find_study(str(tmp_path / "seen.py"))
-    config = load_config(EXAMPLE).model_copy(
-        update={"data_root": tmp_path / "data", "key_root": tmp_path / "keys"}
-    )
-    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    request = request_in(tmp_path, study, EXAMPLE)
     recording = CachedRecording(perform_page(request))
     rows = recording.trials()
     for (_, row), size_deg in zip(rows.iterrows(), (5.0, 4.0), strict=True):

@@ -15,6 +15,7 @@ import pytest
 from PIL import Image as Files
 
 from tests.cli.viewer_tab import viewer_tab
+from tests.sessions import request_in
 from visavis.analysis.gaze.aoi import LOST, NONE
 from visavis.analysis.gaze.targets import GazeTargets
 from visavis.cli.recorded_trial import recorded_trial
@@ -23,13 +24,11 @@ from visavis.cli.viewer.content import page_content, trial_lengths_ns
 from visavis.cli.viewer.flat import Showing, flat_content
 from visavis.cli.viewer.models import Models
 from visavis.cli.viewer.page import page_of
-from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.geometry import Pose, rotate
 from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.sessions.perform import perform_new
-from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.areas import Area, KeyFrame, PlacedAreas, pack_runs
 from visavis.stimuli.dressing.flat import monitor_of, place_of
 from visavis.stimuli.dressing.picture_of import NOBODY, NOWHERE
@@ -103,10 +102,7 @@ def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     )
     Files.new("RGB", (WIDE_PX, HIGH_PX), (0, 200, 0)).save(folder / "room.png")
     study = find_study(str(folder / "flat.py"))
-    config = load_config(SIDES[request.param]).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
-    about = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    about = request_in(folder, study, SIDES[request.param])
     recording = CachedRecording(perform_new(about))
     header, bundle = page_content(study, recording, list(trial_lengths_ns(recording)))
     raw = zlib.decompress(base64.b64decode(bundle.text(header)))

@@ -5,15 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.sessions import request_in
 from visavis.lab.clock import SimClock
-from visavis.lab.config import load_config
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.people.person import StudyPerson
 from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new
-from visavis.running.sessions.session_request import simulated_request
 from visavis.stage.contracts import GeometryStage
 from visavis.stimuli.panels import PanelFrame
 
@@ -37,10 +36,7 @@ def recording(tmp_path_factory):
     folder = tmp_path_factory.mktemp("screen")
     (folder / "rated.py").write_text(RATED)
     study = find_study(str(folder / "rated.py"))
-    config = load_config(SCREEN_EXAMPLE).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
-    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    request = request_in(folder, study, SCREEN_EXAMPLE)
     return Recording(perform_new(request))
 
 
@@ -84,10 +80,7 @@ class Waiting(UnattendedOperator):
 def test_participants_who_read_for_themselves_go_on_by_a_key(tmp_path, monkeypatch):
     (tmp_path / "rated.py").write_text(RATED.replace("calibrate=False", READ))
     study = find_study(str(tmp_path / "rated.py"))
-    config = load_config(SCREEN_EXAMPLE).model_copy(
-        update={"data_root": tmp_path / "data", "key_root": tmp_path / "keys"}
-    )
-    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    request = request_in(tmp_path, study, SCREEN_EXAMPLE)
     # Simulated people do not read; a press of the space bar stands for somebody who has.
     see = StudyPerson.see
 
@@ -131,10 +124,7 @@ def performed_while_scenes_are_prepared(folder, frames, *, for_people=False):
     """Return the recording of a session, and the stage that prepared its scenes."""
     (folder / "rated.py").write_text(RATED)
     study = find_study(str(folder / "rated.py"))
-    config = load_config(SCREEN_EXAMPLE).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
-    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    request = request_in(folder, study, SCREEN_EXAMPLE)
     made, clock = [], SimClock()
 
     def stage_for(viewers):

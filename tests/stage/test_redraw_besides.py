@@ -8,7 +8,7 @@ import pytest
 
 import visavis.running.sessions.perform
 from tests.faults.sessions import CONFIG
-from tests.sessions import opened, perform
+from tests.sessions import opened, perform, request_in
 from tests.stage.sessions import NowAndThen
 from visavis.cli.redraw import redraw
 from visavis.devices.registry import OPTION_MODELS
@@ -184,10 +184,7 @@ def test_frames_that_were_drawn_with_a_window_after_gaze_redraw_with_it_where_it
     (tmp_path / "windows.py").write_text(WINDOWS, "utf-8")
     study = find_study(str(tmp_path / "windows.py"))
     monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
-    config = load_config(EXAMPLE).model_copy(
-        update={"data_root": tmp_path / "data", "key_root": tmp_path / "keys"}
-    )
-    asked = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    asked = request_in(tmp_path, study, EXAMPLE)
     recording = Recording(perform_new(asked))
     (stage,) = made
     stage.close()

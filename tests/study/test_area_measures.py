@@ -6,16 +6,15 @@ import pytest
 from PIL import Image as Files
 from typer.testing import CliRunner
 
+from tests.sessions import request_in
 from visavis.analysis.gaze.aoi import LOST, NONE
 from visavis.analysis.gaze.targets import GazeTargets
 from visavis.cli.main import app
-from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new
-from visavis.running.sessions.session_request import simulated_request
 from visavis.study.area_measures import GazeByArea, gaze_by_area, looks_at, transitions
 from visavis.study.measures import TrialRecord
 
@@ -53,10 +52,7 @@ def written(folder, study=STUDY):
 
 def performed(folder, example):
     study = written(folder)
-    config = load_config(example).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
-    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    request = request_in(folder, study, example)
     return study, perform_new(request)
 
 

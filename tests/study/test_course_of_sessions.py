@@ -8,9 +8,9 @@ from typing import Any
 import pandas as pd
 import pytest
 
+from tests.sessions import lab_in
 from visavis.analysis.session_check import _practice_findings, check_session
 from visavis.analysis.session_verdict import Level
-from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DataError, DesignError
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
@@ -86,9 +86,7 @@ def request_of(folder: Path, *, on: str = "lab", seed: int = 1, **words: str) ->
         text = text.replace(f"{{{name}}}", filler)
     (folder / "inks.py").write_text(text, "utf-8")
     study = find_study(str(folder / "inks.py"))
-    config = load_config(EXAMPLE if on == "browser" else SCREEN_EXAMPLE).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
+    config = lab_in(folder, EXAMPLE if on == "browser" else SCREEN_EXAMPLE)
     return simulated_request(study, study.experiment({}), config, label="S01B", index=0, seed=seed)
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.sessions import lab_in, request_in
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
@@ -52,10 +53,7 @@ def opened(folder, lines, answer="'trigger'"):
 
 def recording_of(folder, *lines, answer="'trigger'"):
     study = opened(folder, lines, answer)
-    config = load_config(EXAMPLE).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
-    asked = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    asked = request_in(folder, study, EXAMPLE)
     return Recording(perform_new(asked))
 
 
@@ -208,9 +206,7 @@ def older(tmp_path_factory):
     """A session of a walker as versions before recorded it, and its study."""
     folder = tmp_path_factory.mktemp("older")
     study = opened(folder, ['yield t.show(Scene("person", **WALK, eyes="directed"), 3)'])
-    config = load_config(EXAMPLE).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
+    config = lab_in(folder, EXAMPLE)
     experiment = replace(study.experiment({}), heads_move=False)
     asked = simulated_request(study, experiment, config, label="S01", index=0, seed=1)
     return Recording(perform_new(asked)), study

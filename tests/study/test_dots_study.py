@@ -6,9 +6,9 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
+from tests.sessions import lab_in
 from tests.study.simulated_study import simulate_and_analyse
 from tests.study.test_staircase import _Stops
-from visavis.lab.config import load_config
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.lab.errors import SessionAborted
 from visavis.recording.reader import Recording
@@ -23,9 +23,7 @@ from visavis.study.quest_plus import posterior_after
 def request_of(folder, operator=None):
     (folder / "dots.py").write_text((READY / "dots.py.txt").read_text("utf-8"), "utf-8")
     study = find_study(str(folder / "dots.py"))
-    config = load_config(SCREEN_EXAMPLE).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
+    config = lab_in(folder, SCREEN_EXAMPLE)
     experiment = study.experiment({"repetitions": 5})
     request = simulated_request(study, experiment, config, label="S01", index=0, seed=1)
     return replace(request, operator=operator or request.operator)

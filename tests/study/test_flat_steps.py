@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from visavis.lab.config import load_config
+from tests.sessions import request_in
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.session_plan import Trial
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new
-from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.gaze_window import WindowPlace
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
@@ -54,10 +53,7 @@ def study(tmp_path_factory):
 @pytest.fixture(scope="module")
 def trials(study, tmp_path_factory):
     folder = tmp_path_factory.mktemp("flats")
-    config = load_config(SCREEN_EXAMPLE).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
-    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    request = request_in(folder, study, SCREEN_EXAMPLE)
     return Recording(perform_new(request)).trials()
 
 

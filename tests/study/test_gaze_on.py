@@ -2,14 +2,13 @@
 
 import pytest
 
+from tests.sessions import request_in
 from visavis.analysis.gaze.aoi import LOST
-from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new
-from visavis.running.sessions.session_request import simulated_request
 from visavis.study.area_measures import gaze_by_area
 from visavis.study.gaze_on import GazeOn, GazeWatch, gaze_on
 from visavis.study.measures import SessionGaze, TrialRecord
@@ -38,10 +37,7 @@ def opened(folder, study=STUDY):
 def recording(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("waits")
     study = opened(folder)
-    config = load_config(request.param).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
-    asked = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    asked = request_in(folder, study, request.param)
     return Recording(perform_new(asked))
 
 

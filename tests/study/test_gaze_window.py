@@ -11,13 +11,13 @@ from PIL import Image as Files
 from typer.testing import CliRunner
 
 from tests.running.test_verifying import Killed
+from tests.sessions import request_in
 from tests.study.simulated_study import invoked, simulate_and_analyse
 from visavis.analysis.session_check import check_session
 from visavis.analysis.session_verdict import Level
 from visavis.cli.main import app
 from visavis.cli.redraw import redraw
 from visavis.lab.clock import SimClock
-from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError, SessionAborted
 from visavis.lab.geometry import Pose, rotate
@@ -27,7 +27,6 @@ from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.film_store import film_store
 from visavis.running.sessions.perform import perform_new, perform_rest
-from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.verification import verify
 from visavis.stimuli.flat import Image
 from visavis.stimuli.gaze_window import NO_WINDOW, GazeWindow, WindowPlace
@@ -62,10 +61,7 @@ def opened(folder, text=STUDY):
 def request_of(folder, lab):
     keys = 'Keys("f", "j")', 'Keys("answer", ["trigger"])'
     study = opened(folder, STUDY if lab == SCREEN_EXAMPLE else STUDY.replace(*keys))
-    config = load_config(lab).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
-    asked = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    asked = request_in(folder, study, lab)
     return study, asked
 
 

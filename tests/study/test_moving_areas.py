@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from benchmarks.film_in_step import RATE_HZ, write_film
+from tests.sessions import request_in
 from visavis.analysis.gaze.targets import GazeTargets
 from visavis.cli.gaze_map import _outlines
 from visavis.cli.quick_tracker import tracker_of
 from visavis.cli.recorded_trial import recorded_trial
-from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose
@@ -20,7 +20,6 @@ from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.quick import quick_study
 from visavis.running.sessions.perform import perform_new
-from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.area_files import read_areas
 from visavis.stimuli.areas import PlacedAreas, areas_text, read_areas_text
 from visavis.stimuli.dressing.flat import areas_of
@@ -306,10 +305,7 @@ def written(folder: Path, pictures: int) -> Any:
 def session(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("balls")
     study = written(folder, 3 * RATE_HZ)
-    config = load_config(request.param).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
-    made = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    made = request_in(folder, study, request.param)
     return study, Recording(perform_new(made))
 
 

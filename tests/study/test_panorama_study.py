@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 from PIL import Image as Files
 
+from tests.sessions import request_in
 from visavis.cli.redraw import redraw
-from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose
 from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new
-from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.areas import SurroundingAreas, areas_text
 from visavis.stimuli.view_turns import VIEW_TURNED
 from visavis.study.area_measures import view_range
@@ -52,10 +51,7 @@ def written(folder, text=STUDY):
 
 
 def performed(folder, study, example):
-    config = load_config(example).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
-    asked = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    asked = request_in(folder, study, example)
     return CachedRecording(perform_new(asked))
 
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.sessions import request_in
 from tests.study.test_audible_steps import with_sound
 from visavis.cli.quick_tracker import tracker_of
 from visavis.cli.redraw import redraw
 from visavis.lab.clock import SimClock
-from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError, SessionAborted
 from visavis.protocol.session.operator import UnattendedOperator
@@ -22,7 +22,6 @@ from visavis.results.opened_study import find_study
 from visavis.running.film_store import film_store
 from visavis.running.quick import quick_study
 from visavis.running.sessions.perform import perform_new, perform_rest
-from visavis.running.sessions.session_request import simulated_request
 from visavis.study.area_measures import areas_shown
 from visavis.study.files_read import digests_of_files
 from visavis.study.measures import SessionGaze, TrialRecord
@@ -78,24 +77,16 @@ def lake_study(folder, film, line=SHOWN):
     return find_study(str(folder / "lake.py"))
 
 
-def request_of(folder, study, example, show="none"):
-    config = load_config(example)
-    config = config.model_copy(
-        update={
-            "data_root": folder / "data",
-            "key_root": folder / "keys",
-            "display": config.display.model_copy(update={"show": show}),
-        }
-    )
-    config = with_sound(config, folder)
-    return simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+def heard_request(folder, study, example, show="none"):
+    request = request_in(folder, study, example, show)
+    return replace(request, config=with_sound(request.config, folder))
 
 
 @pytest.fixture(scope="module", params=[SCREEN_EXAMPLE, EXAMPLE], ids=["screen", "headset"])
 def session(request, tmp_path_factory, film):
     folder = tmp_path_factory.mktemp("lake")
     study = lake_study(folder, film)
-    recording = CachedRecording(perform_new(request_of(folder, study, request.param)))
+    recording = CachedRecording(perform_new(heard_request(folder, study, request.param)))
     # The analysis needs the recording alone: what the files say now does not count.
     for name in ("left", "right"):
         (folder / f"{name}.yaml").write_text(STILL)
@@ -117,7 +108,7 @@ def test_frames_were_lit_with_the_picture_that_was_due_and_are_drawn_again(
     tmp_path, film, example, monkeypatch
 ):
     study = lake_study(tmp_path, film, 'yield t.show(Panorama("lake.mp4", areas="left.yaml"), 0.6)')
-    recording = CachedRecording(perform_new(request_of(tmp_path, study, example, "offscreen")))
+    recording = CachedRecording(perform_new(heard_request(tmp_path, study, example, "offscreen")))
     monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
     frames = recording.stream_arrays("frames", part=1)
     (since_ns, _) = (p["moves_since_ns"] for p in recording.events_named("shown", 1)["payload"])
@@ -169,7 +160,7 @@ class CutOff(UnattendedOperator):
 
 def test_a_session_that_was_cut_off_in_a_film_goes_on(tmp_path, film):
     study = lake_study(tmp_path, film)
-    request = request_of(tmp_path, study, EXAMPLE)
+    request = heard_request(tmp_path, study, EXAMPLE)
     with pytest.raises(SessionAborted):
         perform_new(replace(request, operator=CutOff(60)))
     path = next((tmp_path / "data").glob("simulated/lake/sub-*/ses-001"))

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.sessions import request_in
 from tests.stimuli.glb_room import ROOM, Box, write_room
 from tests.study.simulated_study import invoked
 from visavis.cli.redraw import redraw
-from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DataError, DesignError
 from visavis.recording.cached import CachedRecording
@@ -18,7 +18,6 @@ from visavis.results.reevaluation import targets_again
 from visavis.running.film_store import film_store
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.recorded_design import changes_since, design_of, in_words
-from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.room_areas import ROOM_SHAPE
 from visavis.study.files_read import digests_of_files
 
@@ -56,16 +55,7 @@ def written(folder, lines=SHOWN, boxes=ROOM, *, calibrate=True):
 
 
 def performed(folder, study, example, show="none"):
-    config = load_config(example)
-    config = config.model_copy(
-        update={
-            "data_root": folder / "data",
-            "key_root": folder / "keys",
-            "display": config.display.model_copy(update={"show": show}),
-        }
-    )
-    asked = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
-    return CachedRecording(perform_new(asked))
+    return CachedRecording(perform_new(request_in(folder, study, example, show)))
 
 
 @pytest.fixture(scope="module", params=[SCREEN_EXAMPLE, EXAMPLE], ids=["screen", "headset"])

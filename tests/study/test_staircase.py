@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from visavis.lab.config import load_config
+from tests.sessions import lab_in
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError, SessionAborted
 from visavis.protocol.session.operator import Action, Command, UnattendedOperator
@@ -120,9 +120,7 @@ def request_of(folder, operator=None, text=None):
     source = text or (READY / "contrast.py.txt").read_text("utf-8")
     (folder / "contrast.py").write_text(source, "utf-8")
     study = find_study(str(folder / "contrast.py"))
-    config = load_config(SCREEN_EXAMPLE).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
+    config = lab_in(folder, SCREEN_EXAMPLE)
     experiment = study.experiment({"repetitions": 8})
     request = simulated_request(study, experiment, config, label="S01", index=0, seed=1)
     return replace(request, operator=operator or request.operator)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image as Files
 
-from visavis.lab.config import load_config
+from tests.sessions import lab_in
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.session_plan import Trial
@@ -74,9 +74,7 @@ SHOWN = {
 def request_of(text: str, folder: Path, index: int = 0) -> Any:
     (folder / "flats.py").write_text(text, "utf-8")
     study = find_study(str(folder / "flats.py"))
-    config = load_config(EXAMPLE).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
+    config = lab_in(folder, EXAMPLE)
     label = f"S{index + 1:02d}B"
     return simulated_request(study, study.experiment({}), config, label=label, index=index, seed=1)
 

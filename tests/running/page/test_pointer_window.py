@@ -16,9 +16,9 @@ from tests.running.page.test_browser import (
     step_on,
 )
 from tests.running.page.test_browser import server as server
+from tests.sessions import lab_in
 from visavis.cli.main import app
 from visavis.lab.clock import StopWatch
-from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.session_plan import Trial
@@ -64,9 +64,7 @@ def opened(folder: Path, text: str = STUDY) -> Any:
 
 def request_of(folder: Path, text: str = STUDY) -> Any:
     study = opened(folder, text)
-    config = load_config(EXAMPLE).model_copy(
-        update={"data_root": folder / "data", "key_root": folder / "keys"}
-    )
+    config = lab_in(folder, EXAMPLE)
     return simulated_request(study, study.experiment({}), config, label="S01B", index=0, seed=1)
 
 
