@@ -15,7 +15,7 @@ from benchmarks.cross_site import Everybody
 from benchmarks.fuzz.damage import json_or_bytes
 from benchmarks.fuzz.target import Target
 from tests.faults.sessions import lab
-from tests.running.page.pages import TAB, Page, begun
+from tests.running.page.pages import TAB, Page, begin_session
 from visavis.cli.desk.server import DeskServer
 from visavis.running.page.server import KEY, LocalServer, PageServer, PageSession
 
@@ -76,7 +76,9 @@ class Posted:
 
     def _begin(self) -> Page:
         self._number += 1
-        page, _ = self._stack.enter_context(begun(self._root / "data", f"S{self._number:05d}"))
+        page, _ = self._stack.enter_context(
+            begin_session(self._root / "data", f"S{self._number:05d}")
+        )
         return page
 
     def _replies(self) -> tuple[bytes, ...]:

@@ -21,7 +21,7 @@ from benchmarks.cross_site import Everybody
 from benchmarks.fuzz.damage import ONE_TO_THREE, WORDS, damaged
 from benchmarks.fuzz.target import Target
 from tests.faults.sessions import lab
-from tests.running.page.pages import begun
+from tests.running.page.pages import begin_session
 from visavis.cli.desk.server import FILES as DESK_FILES
 from visavis.cli.desk.server import SITE as DESK_SITE
 from visavis.cli.desk.server import DeskServer
@@ -344,7 +344,7 @@ def routes(root: Path) -> Iterator[tuple[Target, ...]]:
     (root / "film.webm").write_bytes(film)
     desk = DeskServer(lab(root))
     with ExitStack() as stack:
-        page, _ = stack.enter_context(begun(root / "data"))
+        page, _ = stack.enter_context(begin_session(root / "data"))
         pages = PageServer(reception=Everybody("board"))
         pages.add(PageSession(page.desk, {}, {"f" * 64: root / "film.webm"}, {"a" * 64: asset}))
         served = FILES | LIVE_FILES | DRAWN_FILM_FILES | HEADSET_FILES | BOARD_FILES

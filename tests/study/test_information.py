@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.running.page.pages import TAB, begun, config, experiment, study
+from tests.running.page.pages import TAB, begin_session, config, experiment, study
 from visavis.devices import streams
 from visavis.protocol.session import streams as session_streams
 from visavis.recording.reader import Recording
@@ -50,7 +50,7 @@ def test_every_event_of_a_session_on_a_page_is_covered_by_what_people_were_told(
     declared = study().study
     procedure = replace(declared.procedure, screening=screening)
     monkeypatch.setattr(declared, "procedure", procedure)
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         (shown,) = [s for s in page.desk.trial_steps if s.kind == "consent"]
         page.answer()
         about: dict[str, Any] = dict.fromkeys(ABOUT_PAGE, 1)

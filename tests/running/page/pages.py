@@ -86,7 +86,7 @@ class Page:
 
 
 @contextmanager
-def begun(root: Path, label: str = "S01") -> Iterator[tuple[Page, Path]]:
+def begin_session(root: Path, label: str = "S01") -> Iterator[tuple[Page, Path]]:
     """Begin a session and give its page; nothing is closed at the end, as after a power cut."""
     plan = experiment().plan(0, SEED)
     manifest = Manifest(
@@ -97,7 +97,9 @@ def begun(root: Path, label: str = "S01") -> Iterator[tuple[Page, Path]]:
 
 
 @contextmanager
-def gone_on(path: Path, checkpoint: Resumes = "step", *, says_hello: bool = True) -> Iterator[Page]:
+def go_on_with(
+    path: Path, checkpoint: Resumes = "step", *, says_hello: bool = True
+) -> Iterator[Page]:
     """Go on with a session that broke off; the page says hello, unless it noticed nothing."""
     folder, _ = open_session(path)
     with folder:

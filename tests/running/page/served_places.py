@@ -89,7 +89,7 @@ def void(_: object) -> None:
     """Return nothing of something."""
 
 
-def served(place: Place, act: Callable[[str, Reception], Awaitable[Any]]) -> Any:
+def serve(place: Place, act: Callable[[str, Reception], Awaitable[Any]]) -> Any:
     """Serve a study while somebody acts, then end the server."""
 
     async def whole() -> Any:
@@ -117,7 +117,7 @@ def serve_file(path: Path, text: str, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"{__name__}.{name}", lambda part=part: part)
 
 
-async def posted(base: str, path: str, body: dict[str, Any], key: str = "") -> dict[str, Any]:
+async def post(base: str, path: str, body: dict[str, Any], key: str = "") -> dict[str, Any]:
     async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
         async with http.post(path, json=body) as response:
             answer: dict[str, Any] = await response.json()

@@ -77,8 +77,8 @@ class Server:
     def end(self) -> str:
         """Wait until it has ended by itself; return what it said."""
         assert self.process is not None
-        said, _ = self.process.communicate(timeout=PATIENCE_S)
-        return "".join(self.lines) + said
+        rest, _ = self.process.communicate(timeout=PATIENCE_S)
+        return "".join(self.lines) + rest
 
 
 @pytest.fixture
@@ -303,7 +303,7 @@ def test_nothing_leaves_the_page_before_consent_but_what_a_request_needs(
     assert {"kind": "reply", "n": 1, "step": 1, "reply": {"agreed": False}} == dict(reply)
 
 
-def recorded(server: Server) -> Recording:
+def recording_of(server: Server) -> Recording:
     return Recording(session_dir(server.root / "data", "films", "S01B", 1, is_simulated=True))
 
 
@@ -343,10 +343,10 @@ def test_from_consent_to_thanks_with_a_reload_a_second_tab_and_a_server_killed(
     again = server.start("resume", str(session))
     assert address == again
     until(page, "Thank you")
-    said = server.end()
+    output = server.end()
 
-    recording = recorded(server)
-    assert "complete" == recording.status, said
+    recording = recording_of(server)
+    assert "complete" == recording.status, output
     rows = recording.trials()
     assert ["complete"] * 3 == list(rows["status"])
     assert RELOAD_FLAG in rows["flags"].iloc[0]
@@ -395,7 +395,7 @@ def test_a_double_click_passes_over_no_page_and_a_sleep_is_told(
     page.wait_for_timeout(4500)  # the page tells every four seconds that it is there
     until(page, "Thank you")
     server.end()
-    assert [SLEEP_FLAG, "", ""] == list(recorded(server).trials()["flags"])
+    assert [SLEEP_FLAG, "", ""] == list(recording_of(server).trials()["flags"])
 
 
 def npm_script(package: str, inside: str) -> str:
@@ -426,18 +426,18 @@ SIZES = ({"width": 1280, "height": 800}, {"width": 390, "height": 780})
 def serious(page: Any, program: str) -> list[str]:
     """Return what axe-core finds that is serious or worse, on a desktop and on a phone."""
     page.evaluate(program)
-    said = []
+    problems = []
     for size in SIZES:
         page.set_viewport_size(size)
         found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
-        said += [
+        problems += [
             f"{v['id']}: {v['help']}: {[n['html'][:90] for n in v['nodes']]}"
             for v in found["violations"]
             if v["impact"] in ("serious", "critical")
         ]
         wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
-        said += [f"{wide} px wider than a screen of {size['width']} px"] * (wide > 0)
-    return said
+        problems += [f"{wide} px wider than a screen of {size['width']} px"] * (wide > 0)
+    return problems
 
 
 SMALL = ((1280, 600), (960, 540), (640, 360), (320, 480), (320, 256))
@@ -500,7 +500,7 @@ def test_no_page_shuts_people_out(server: Server, browser: Any) -> None:
             page.click("#stop")
             found["stop"] = serious(page, program)
             page.click("text=Go on with the study")
-    assert {} == {words: said for words, said in found.items() if said}
+    assert {} == {words: problems for words, problems in found.items() if problems}
 
 
 def other_steps_on(window: Any) -> None:
@@ -539,19 +539,19 @@ def test_in_firefox_from_consent_to_thanks_with_a_reload(
     window = other_browser
     window.size(1000, 800)
     window.goto(server.start("run", str(STUDY), "--participant", "1", "--on", "browser"))
-    said, reloads, watch = "", 0, StopWatch()
-    while "Thank you" not in said:
-        assert watch.elapsed_s() < PATIENCE_S, said
+    text, reloads, watch = "", 0, StopWatch()
+    while "Thank you" not in text:
+        assert watch.elapsed_s() < PATIENCE_S, text
         other_steps_on(window)
-        said = window.evaluate("document.getElementById('main').innerText")
-        if "How lively" in said and not reloads:
+        text = window.evaluate("document.getElementById('main').innerText")
+        if "How lively" in text and not reloads:
             reloads += 1
             window.reload()
             window.wait_for("document.getElementById('main').innerText.includes('How')", PATIENCE_S)
-    told = server.end()
+    output = server.end()
 
-    recording = recorded(server)
-    assert "complete" == recording.status, told
+    recording = recording_of(server)
+    assert "complete" == recording.status, output
     rows = recording.trials()
     assert ["complete"] * 3 == list(rows["status"])
     assert RELOAD_FLAG in ";".join(rows["flags"])

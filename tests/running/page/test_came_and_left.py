@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.running.page.served_places import Place, served
+from tests.running.page.served_places import Place, serve
 from visavis.lab.errors import DataError
 from visavis.running.page.client import arrive, visit
 from visavis.running.page.reception import Reception, Rules
@@ -16,7 +16,7 @@ from visavis.running.sessions.intake_list import intake_list, share_list
 LEAVERS = ("opened", "declined", "broke off", "stopped")
 
 
-def visited(place: Place, who: tuple[str, ...]) -> None:
+def come_and_go(place: Place, who: tuple[str, ...]) -> None:
     async def act(base: str, _: Reception) -> None:
         for manner in who:
             stop = {"declined": "decline", "stopped": "keep"}.get(manner, "")
@@ -31,7 +31,7 @@ def visited(place: Place, who: tuple[str, ...]) -> None:
                 ends=at.get(manner, lambda step: False),
             )
 
-    served(place, act)
+    serve(place, act)
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def place(tmp_path: Path) -> Place:
 
 
 def test_who_came_and_left_is_named_and_left_out(place: Place) -> None:
-    visited(place, ("complete", *LEAVERS, "complete"))
+    come_and_go(place, ("complete", *LEAVERS, "complete"))
     listed = intake_list(place.sessions())
     assert ["sub-S01B", "sub-S06G"] == [path.parent.name for path in listed.sessions]
     assert 4 == len(listed.lines())
@@ -51,7 +51,7 @@ def test_who_came_and_left_is_named_and_left_out(place: Place) -> None:
 
 
 def test_a_session_that_lost_its_rows_is_damaged_and_not_somebody_who_left(place: Place) -> None:
-    visited(place, ("complete", "broke off"))
+    come_and_go(place, ("complete", "broke off"))
     journals = [path / "part-01/events.jsonl" for path in place.sessions()]
     for journal in journals:
         journal.unlink()
@@ -59,19 +59,19 @@ def test_a_session_that_lost_its_rows_is_damaged_and_not_somebody_who_left(place
 
 
 def test_a_script_measures_who_finished_among_who_left(place: Place) -> None:
-    visited(place, ("complete", *LEAVERS))
+    come_and_go(place, ("complete", *LEAVERS))
     data = StudyData(place.folder, place.reception()._base.study)
     assert ["S01B"] == [intake.manifest.participant for intake in data._intakes]
 
 
 def test_nobody_who_began_a_trial_is_said_with_who_came(place: Place) -> None:
-    visited(place, ("declined", "opened"))
+    come_and_go(place, ("declined", "opened"))
     with pytest.raises(DataError, match=r"nobody has .*S01B holds no trial"):
         intake_list(place.sessions())
 
 
 def test_who_gave_nothing_is_counted_and_named_and_not_shared(place: Place) -> None:
-    visited(place, ("complete", "opened", "declined", "opened", "broke off"))
+    come_and_go(place, ("complete", "opened", "declined", "opened", "broke off"))
     shared = share_list(place.sessions(), keeps_empty=False)
     assert ["sub-S01B"] == [path.parent.name for path in shared.sessions]
     assert (
@@ -83,7 +83,7 @@ def test_who_gave_nothing_is_counted_and_named_and_not_shared(place: Place) -> N
 
 
 def test_a_study_of_which_nobody_gave_anything_is_not_shared(place: Place) -> None:
-    visited(place, ("declined", "opened"))
+    come_and_go(place, ("declined", "opened"))
     with pytest.raises(DataError, match=r"nothing is there to share: .*declined.*--tier raw"):
         share_list(place.sessions(), keeps_empty=False)
 
@@ -91,6 +91,6 @@ def test_a_study_of_which_nobody_gave_anything_is_not_shared(place: Place) -> No
 def test_a_session_that_lost_its_answers_is_damaged_and_not_left_out_of_what_is_shared(
     place: Place,
 ) -> None:
-    visited(place, ("complete",))
+    come_and_go(place, ("complete",))
     (place.sessions()[0] / "part-01/events.jsonl").unlink()
     assert place.sessions() == list(share_list(place.sessions(), keeps_empty=False).sessions)

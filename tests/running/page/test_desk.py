@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.running.page.pages import TAB, begun, gone_on, study
+from tests.running.page.pages import TAB, begin_session, go_on_with, study
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.recording.reader import Recording
@@ -37,7 +37,7 @@ def answers_in(path: Path) -> list[tuple[str, Any]]:
 def test_every_acknowledged_answer_is_on_the_disk_before_the_next_step_is_told(
     tmp_path: Path,
 ) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         while not page.desk.is_over:
             sent = page.event()
             page.desk.take(TAB, [sent])
@@ -51,7 +51,7 @@ def test_every_acknowledged_answer_is_on_the_disk_before_the_next_step_is_told(
 
 
 def test_whoever_is_cut_off_at_any_step_goes_on_there_and_loses_nothing(tmp_path: Path) -> None:
-    with begun(tmp_path, "S99") as (page, whole):
+    with begin_session(tmp_path, "S99") as (page, whole):
         steps = []
         while not page.desk.is_over:
             steps.append(page.desk.state())
@@ -59,10 +59,10 @@ def test_whoever_is_cut_off_at_any_step_goes_on_there_and_loses_nothing(tmp_path
         page.desk.recorder.close("complete")
     rows = Recording(whole).trials().set_index("trial_id")
     for cut in range(1, len(steps)):
-        with begun(tmp_path, f"S{cut:02d}") as (page, path):
+        with begin_session(tmp_path, f"S{cut:02d}") as (page, path):
             for _ in range(cut):
                 page.answer()
-        with gone_on(path) as page:
+        with go_on_with(path) as page:
             assert steps[cut] == page.desk.state()
             page.answer_all()
             page.desk.recorder.close("complete")
@@ -80,7 +80,7 @@ def test_whoever_is_cut_off_at_any_step_goes_on_there_and_loses_nothing(tmp_path
 def test_a_page_that_is_reloaded_gets_the_same_step_and_its_trial_is_flagged(
     tmp_path: Path,
 ) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         while page.desk.state()["step"]["kind"] != "watch":
             page.answer()
         before = page.desk.state()
@@ -102,7 +102,7 @@ def test_a_page_that_is_reloaded_gets_the_same_step_and_its_trial_is_flagged(
 def test_a_computer_that_slept_is_told_and_its_page_dated_anew(
     flags: str, late_s: int, wall_s: int, tmp_path: Path
 ) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         while page.desk.state()["step"]["kind"] != "watch":
             page.answer()
         at_ms = page.visitor.now_ms
@@ -122,21 +122,21 @@ def test_a_computer_that_slept_is_told_and_its_page_dated_anew(
 
 
 def test_that_a_computer_slept_outlives_its_server(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         while page.desk.state()["step"]["kind"] != "watch":
             page.answer()
         for late_s in (0, 60):
             page.clock.sleep_until_ns(page.clock.now_ns() + late_s * NS_PER_S)
             page.desk.take(TAB, [], Post(page.visitor.now_ms, 1.7e12 + 1000 * late_s))
         page.desk.recorder.checkpoint()
-    with gone_on(path) as page:
+    with go_on_with(path) as page:
         page.answer_all()
         page.desk.recorder.close("complete")
     assert {SLEEP_FLAG, RESTART_FLAG} == set(Recording(path).trials().iloc[0]["flags"].split(";"))
 
 
 def test_a_second_tab_is_refused_until_the_first_has_gone(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, _):
+    with begin_session(tmp_path) as (page, _):
         with pytest.raises(OpenElsewhereError):
             page.desk.hello("two")
         page.clock.sleep_until_ns(page.clock.now_ns() + LEASE_NS + NS_PER_S)
@@ -146,7 +146,7 @@ def test_a_second_tab_is_refused_until_the_first_has_gone(tmp_path: Path) -> Non
 
 
 def test_what_is_sent_again_is_taken_once_and_a_gap_is_refused(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, _):
+    with begin_session(tmp_path) as (page, _):
         sent = page.event()
         page.desk.take(TAB, [sent])
         state = page.desk.state()
@@ -174,7 +174,7 @@ def test_what_is_sent_again_is_taken_once_and_a_gap_is_refused(tmp_path: Path) -
 def test_a_reply_that_no_page_of_ours_sends_is_refused_and_the_session_goes_on(
     kind: str, wrong: dict[str, Any], tmp_path: Path
 ) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         while page.desk.state()["step"]["kind"] != kind:
             page.answer()
         sent = page.event()
@@ -199,7 +199,7 @@ def test_a_reply_that_no_page_of_ours_sends_is_refused_and_the_session_goes_on(
 def test_whoever_declines_or_stops_is_asked_nothing_more(
     reply: dict[str, Any], outcome: str, tmp_path: Path
 ) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         page.desk.take(TAB, [{**page.event(), "reply": reply}])
         assert {"kind": "end", "outcome": outcome} == page.desk.state()["step"]
         page.desk.recorder.close("aborted")
@@ -220,28 +220,28 @@ def pages_before_consent(page: Any) -> None:
 
 
 def test_a_refusal_keeps_the_refusal_and_nothing_else_of_the_page(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         pages_before_consent(page)
         page.desk.recorder.checkpoint()
         assert [] == page_events(path)
         page.desk.take(TAB, [{**page.event(), "reply": {"agreed": False, "version": "x"}}])
         page.desk.recorder.close("aborted")
     assert [{"kind": "reply", "n": 2, "step": 1, "reply": {"agreed": False}}] == page_events(path)
-    with gone_on(path) as page:
+    with go_on_with(path) as page:
         assert {"kind": "end", "outcome": "declined"} == page.desk.state()["step"]
 
 
 def test_whoever_agrees_has_the_page_recorded_and_nothing_that_it_did_before(
     tmp_path: Path,
 ) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         pages_before_consent(page)
         page.answer()
     assert [("opened", TAB), ("reply", TAB)] == [(p["kind"], p["tab"]) for p in page_events(path)]
 
 
 def test_a_fact_about_the_browser_that_nobody_is_told_of_is_not_recorded(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         page.answer()
         about = {"user_agent": "Firefox", "plugins": ["x"]}
         sent = {"n": 2, "kind": "about", "at_ms": page.visitor.now_ms, "about": about}
@@ -251,7 +251,7 @@ def test_a_fact_about_the_browser_that_nobody_is_told_of_is_not_recorded(tmp_pat
 
 
 def test_a_film_that_fails_is_named_and_its_trial_counts_as_skipped(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         while page.desk.state()["step"]["kind"] != "watch":
             page.answer()
         failed = {"film": "abc", "place": "film", "why": "error 4: no decoder"}
@@ -264,7 +264,7 @@ def test_a_film_that_fails_is_named_and_its_trial_counts_as_skipped(tmp_path: Pa
 
 
 def test_response_time_runs_from_the_first_picture_that_was_presented(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         while page.desk.state()["step"]["kind"] != "watch":
             page.answer()
         sent = page.event()
@@ -285,7 +285,7 @@ def test_the_width_of_a_card_tells_how_large_a_screen_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     screen_for(monkeypatch, "card")
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         while page.desk.state()["step"]["kind"] != "card":
             page.answer()
         assert (85.6, 53.98) == tuple(page.desk.state()["step"]["card_mm"])
@@ -305,7 +305,7 @@ def test_who_does_not_type_the_digits_that_were_said_is_flagged_and_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hears: bool
 ) -> None:
     screen_for(monkeypatch, "sound")
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         while page.desk.state()["step"]["kind"] != "sound":
             page.answer()
         sent = page.event()

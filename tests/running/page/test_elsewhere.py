@@ -105,12 +105,12 @@ class Host:
         folder.mkdir(parents=True)
         self.ledger = Ledger(folder, SystemClock(), prefix="S")
 
-    def exported(self, name: str = "bundle", **options: Any) -> Path:
+    def export(self, name: str = "bundle", **options: Any) -> Path:
         path = self.root / name
         write_bundle(self.base, self.store, path, **{"places": 3, **options})
         return path
 
-    def imported(self, *files: Path, **options: Any) -> Any:
+    def take_in(self, *files: Path, **options: Any) -> Any:
         runs, _ = read_runs(files)
         return import_runs(
             self.base,
@@ -165,16 +165,16 @@ def lines_of(
     ]
 
 
-def written(path: Path, *runs: list[dict[str, Any]]) -> Path:
+def write(path: Path, *runs: list[dict[str, Any]]) -> Path:
     path.write_text("".join(f"{json.dumps(line)}\n" for run in runs for line in run), "utf-8")
     return path
 
 
 def test_what_people_did_elsewhere_becomes_a_session_like_any_other(host: Host) -> None:
-    bundle = host.exported()
+    bundle = host.export()
     lines = lines_of(bundle, 1, parameters={"PROLIFIC_PID": "5f3a99c"})
-    results = written(host.root / "r.jsonl", [*lines[:3], *lines])  # some came twice
-    made = host.imported(results)
+    results = write(host.root / "r.jsonl", [*lines[:3], *lines])  # some came twice
+    made = host.take_in(results)
     assert () == made.refused_runs
     ((label, path),) = made.sessions.items()
     recording = Recording(path)
@@ -189,14 +189,14 @@ def test_what_people_did_elsewhere_becomes_a_session_like_any_other(host: Host) 
     assert {label: {"panel": "Prolific", "identifier": "5f3a99c"}} == host.who
     assert all(b"5f3a99c" not in p.read_bytes() for p in path.rglob("*") if p.is_file())
 
-    again = host.imported(results)
+    again = host.take_in(results)
     assert (1, {}) == (again.recorded_before, again.sessions)
 
 
 def test_a_place_that_two_people_had_loses_nobody(host: Host) -> None:
-    bundle = host.exported()
-    made = host.imported(
-        written(host.root / "r.txt", lines_of(bundle, 2), lines_of(bundle, 2, key="r2"))
+    bundle = host.export()
+    made = host.take_in(
+        write(host.root / "r.txt", lines_of(bundle, 2), lines_of(bundle, 2, key="r2"))
     )
     assert 2 == len(made.sessions)
     assert [2, 3] == [entry.index for entry in host.ledger.list()]
@@ -206,13 +206,13 @@ def test_a_place_that_two_people_had_loses_nobody(host: Host) -> None:
 
 
 def test_who_left_is_recorded_when_asked_for_and_who_withdrew_never(host: Host) -> None:
-    bundle = host.exported()
+    bundle = host.export()
     left, gone = lines_of(bundle, 0, replies=4), lines_of(bundle, 1, key="r2", replies=4)
     gone[-1]["event"]["reply"] = {"stop": "delete", "hidden_ms": 0.0}
-    results = written(host.root / "r.jsonl", left, gone)
-    made = host.imported(results)
+    results = write(host.root / "r.jsonl", left, gone)
+    made = host.take_in(results)
     assert ({}, 1, ("r2",)) == (made.sessions, made.unfinished, made.withdrawn_runs)
-    made = host.imported(results, unfinished_too=True)
+    made = host.take_in(results, unfinished_too=True)
     (path,) = made.sessions.values()
     assert ("aborted", 1) == (Recording(path).status, len(Recording(path).trials()))
 
@@ -220,9 +220,9 @@ def test_who_left_is_recorded_when_asked_for_and_who_withdrew_never(host: Host) 
 def test_who_was_recorded_unfinished_goes_on_in_the_same_session_once_more_is_there(
     host: Host,
 ) -> None:
-    bundle = host.exported()
-    begun = host.imported(
-        written(host.root / "r.jsonl", lines_of(bundle, 0, replies=5)), unfinished_too=True
+    bundle = host.export()
+    begun = host.take_in(
+        write(host.root / "r.jsonl", lines_of(bundle, 0, replies=5)), unfinished_too=True
     )
     later = lines_of(bundle, 0)
     later.insert(
@@ -236,8 +236,8 @@ def test_who_was_recorded_unfinished_goes_on_in_the_same_session_once_more_is_th
     )
     for n, line in enumerate(later):
         line["line"] = n
-    results = written(host.root / "r.jsonl", later)
-    made = host.imported(results)
+    results = write(host.root / "r.jsonl", later)
+    made = host.take_in(results)
     assert ((), {}) == (made.refused_runs, made.sessions)
     assert begun.sessions == made.continued_sessions
     (path,) = made.continued_sessions.values()
@@ -250,21 +250,21 @@ def test_who_was_recorded_unfinished_goes_on_in_the_same_session_once_more_is_th
     replies = [e["n"] for e in recording.events()["payload"] if e.get("kind") == "reply"]
     assert sorted(set(replies)) == replies
     assert [0] == [entry.index for entry in host.ledger.list()]
-    again = host.imported(results)
+    again = host.take_in(results)
     assert (1, {}, {}) == (again.recorded_before, again.sessions, again.continued_sessions)
 
 
 def test_one_identifier_in_two_browsers_is_one_participant_whose_whole_run_counts(
     host: Host,
 ) -> None:
-    bundle, who = host.exported(), {"PROLIFIC_PID": "5f3a99c"}
+    bundle, who = host.export(), {"PROLIFIC_PID": "5f3a99c"}
     first = lines_of(bundle, 0, replies=4, parameters=who)
     whole, third = (lines_of(bundle, k, key=f"r{k + 1}", parameters=who) for k in (1, 2))
-    made = host.imported(written(host.root / "r.jsonl", first, whole, third), unfinished_too=True)
+    made = host.take_in(write(host.root / "r.jsonl", first, whole, third), unfinished_too=True)
     ((label, path),) = made.sessions.items()
     assert "r2" == Recording(path).manifest.configuration["imported"]["run"]
     assert {("r1", label), ("r3", label)} == {*made.twice}
-    later = host.imported(written(host.root / "r.jsonl", third))
+    later = host.take_in(write(host.root / "r.jsonl", third))
     assert ({}, (("r3", label),)) == (later.sessions, later.twice)
     assert 1 == len(host.ledger.list())
 
@@ -272,9 +272,9 @@ def test_one_identifier_in_two_browsers_is_one_participant_whose_whole_run_count
 def test_a_link_that_names_somebody_of_the_ledger_is_recorded_as_theirs(host: Host) -> None:
     host.ledger.add()
     entry = host.ledger.add()
-    bundle = host.exported()
-    made = host.imported(
-        written(
+    bundle = host.export()
+    made = host.take_in(
+        write(
             host.root / "r.jsonl",
             lines_of(bundle, 1, parameters={"participant": "2"}),
             lines_of(bundle, 2, key="r2", parameters={"participant": entry.label}),
@@ -292,7 +292,7 @@ PLACEHOLDER = {"id": "{{%ID%}}"}
 
 
 @pytest.mark.parametrize(
-    ("spoil", "said"),
+    ("spoil", "refusal"),
     [
         (lambda lines: lines[0]["arrived"].update(seed=8), "seed"),
         (lambda lines: lines[0]["arrived"].update(sha256="0"), "is not what this study shows"),
@@ -313,31 +313,31 @@ PLACEHOLDER = {"id": "{{%ID%}}"}
     ],
 )
 def test_results_that_do_not_fit_are_left_out_whole_with_the_reason(
-    host: Host, spoil: Any, said: str
+    host: Host, spoil: Any, refusal: str
 ) -> None:
-    bundle = host.exported()
+    bundle = host.export()
     lines = lines_of(bundle, 0)
     spoil(lines)
     other = lines_of(bundle, 1, key="r2")
-    made = host.imported(written(host.root / "r.jsonl", lines, other))
-    assert said in made.refused_runs[0]
+    made = host.take_in(write(host.root / "r.jsonl", lines, other))
+    assert refusal in made.refused_runs[0]
     assert (1, 1) == (len(made.sessions), len(host.ledger.list()))
 
 
 def test_a_study_whose_steps_depend_on_answers_cannot_be_written_down(tmp_path: Path) -> None:
     with pytest.raises(DesignError, match=r"depends on answers .*visavis serve"):
-        Host(tmp_path, BRANCHING).exported()
+        Host(tmp_path, BRANCHING).export()
 
 
 def test_a_folder_that_is_there_is_not_written_over(host: Host) -> None:
-    bundle = host.exported()
+    bundle = host.export()
     with pytest.raises(UsageError, match="there already"):
-        host.exported()
+        host.export()
     assert 3 == len(list((bundle / "places").iterdir()))
 
 
 def test_the_archive_is_a_study_as_jatos_imports_it(host: Host) -> None:
-    path = host.exported("apart.jzip")
+    path = host.export("apart.jzip")
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()
         (study,) = (n for n in names if n.endswith(".jas"))
@@ -354,8 +354,8 @@ def test_the_archive_is_a_study_as_jatos_imports_it(host: Host) -> None:
 
 
 def test_what_jatos_exports_is_read(host: Host) -> None:
-    bundle = host.exported()
-    text = written(host.root / "r", lines_of(bundle, 0)).read_text("utf-8")
+    bundle = host.export()
+    text = write(host.root / "r", lines_of(bundle, 0)).read_text("utf-8")
     archive_path = host.root / "results.jrzip"
     with zipfile.ZipFile(archive_path, "w") as archive:
         archive.writestr("metadata.json", "{}")
@@ -367,7 +367,7 @@ def test_what_jatos_exports_is_read(host: Host) -> None:
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
 def test_results_that_an_editor_saved_anew_are_read(host: Host, encoding: str) -> None:
-    path = written(host.root / "r.jsonl", lines_of(host.exported(), 0))
+    path = write(host.root / "r.jsonl", lines_of(host.export(), 0))
     path.write_text(path.read_text("utf-8"), encoding)
     runs, unreadable = read_runs([path])
     assert ([0], 0) == ([run.place for run in runs], unreadable)
@@ -390,23 +390,23 @@ def places_in(bundle: Path) -> list[int]:
 
 
 def test_place_that_nobody_completed_is_given_back_by_a_second_bundle(host: Host) -> None:
-    first = host.exported(places=open_places(host.base, 4, None, {}))
+    first = host.export(places=open_places(host.base, 4, None, {}))
     assert [0, 1, 2, 3] == places_in(first)
-    file = written(
+    file = write(
         host.root / "r.jsonl",
         lines_of(first, 0, key="r0"),
         lines_of(first, 2, key="r2"),
         lines_of(first, 3, key="r3", replies=1),  # left
     )
-    host.imported(file, unfinished_too=True)
+    host.take_in(file, unfinished_too=True)
     done = completed_places(host.ledger.path.parent)
     assert {0: 1, 2: 1} == done
-    second = host.exported("second", places=open_places(host.base, 4, None, done))
+    second = host.export("second", places=open_places(host.base, 4, None, done))
     assert [1, 3] == places_in(second)
     assert [1, 3] == json.loads((second / "bundle.json").read_text("utf-8"))["places"]
     # What comes of it is recorded as of the first, at the place that it had.
-    rest = written(host.root / "s.jsonl", *[lines_of(second, k, key=f"s{k}") for k in (1, 3)])
-    assert 2 == len(host.imported(rest).sessions)
+    rest = write(host.root / "s.jsonl", *[lines_of(second, k, key=f"s{k}") for k in (1, 3)])
+    assert 2 == len(host.take_in(rest).sessions)
     with pytest.raises(UsageError, match="as many people as that have completed"):
         open_places(host.base, 4, None, completed_places(host.ledger.path.parent))
 
@@ -430,14 +430,14 @@ def test_each_group_gets_as_many_places_as_it_lacks(tmp_path: Path, done: dict[i
 
 
 def test_one_damaged_line_leaves_the_results_of_everybody_else(host: Host) -> None:
-    bundle = host.exported()
+    bundle = host.export()
     damaged = lines_of(bundle, 1, key="r2")
     damaged[0]["at_ms"] = None
-    results = written(host.root / "r.jsonl", damaged, lines_of(bundle, 0))
+    results = write(host.root / "r.jsonl", damaged, lines_of(bundle, 0))
     results.write_text(results.read_text("utf-8") + '{"run": "r3", "line": Infinity}\n', "utf-8")
     _, unreadable = read_runs([results])
     assert 1 == unreadable
-    made = host.imported(results)
+    made = host.take_in(results)
     assert (1, 1) == (len(made.sessions), len(made.refused_runs))
 
 
@@ -455,7 +455,7 @@ def with_damaged_films(host: Host) -> Host:
 
 def test_whose_film_failed_is_recorded_with_that_trial_skipped(tmp_path: Path) -> None:
     host = with_damaged_films(Host(tmp_path, FILMS))
-    bundle = host.exported()
+    bundle = host.export()
     steps = json.loads((bundle / "places" / "0.json").read_text("utf-8"))["steps"]
     lines = lines_of(bundle, 0)
     replies = [line for line in lines if "event" in line]
@@ -470,7 +470,7 @@ def test_whose_film_failed_is_recorded_with_that_trial_skipped(tmp_path: Path) -
             line["event"]["reply"] = {"films": {}, "hidden_ms": 0.0}
         elif step["kind"] == "watch":
             line["event"]["reply"] = {"shown_ms": 0.0, "failed": {"film": "f", "why": "error 4"}}
-    made = host.imported(written(host.root / "r.jsonl", lines))
+    made = host.take_in(write(host.root / "r.jsonl", lines))
     assert () == made.refused_runs
     (path,) = made.sessions.values()
     rows = Recording(path).trials()
@@ -487,9 +487,9 @@ def test_whose_film_failed_is_recorded_with_that_trial_skipped(tmp_path: Path) -
 
 
 @pytest.fixture
-def served(host: Host) -> Iterator[tuple[Host, str]]:
+def site(host: Host) -> Iterator[tuple[Host, str]]:
     """A bundle behind a server of files that knows nothing of it."""
-    with served_files(host.exported()) as address:
+    with served_files(host.export()) as address:
         yield host, address
 
 
@@ -517,7 +517,7 @@ def answer_until(page: Any, words: str, steps: int = 60) -> None:
     raise AssertionError(page.inner_text("#main"))
 
 
-def saved(page: Any, host: Host) -> Path:
+def save(page: Any, host: Host) -> Path:
     """Save the answers that a finished page offers as a file."""
     with page.expect_download() as download:
         page.click("#main a[download]")
@@ -526,18 +526,18 @@ def saved(page: Any, host: Host) -> Path:
     return results
 
 
-def recorded(host: Host, results: Path) -> tuple[str, Recording]:
+def recording_of(host: Host, results: Path) -> tuple[str, Recording]:
     """Import the answers of one person; return label and session."""
-    made = host.imported(results)
+    made = host.take_in(results)
     assert () == made.refused_runs
     ((label, path),) = made.sessions.items()
     return label, Recording(path)
 
 
 def test_a_bundle_on_a_plain_host_goes_from_beginning_to_a_file_of_answers(
-    served: tuple[Host, str], browser: Any
+    site: tuple[Host, str], browser: Any
 ) -> None:
-    host, address = served
+    host, address = site
     page = browser.new_context(accept_downloads=True).new_page()
     problems: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))
@@ -550,9 +550,9 @@ def test_a_bundle_on_a_plain_host_goes_from_beginning_to_a_file_of_answers(
     page.wait_for_selector("#main button")
     assert before == page.inner_text("#progress")
     answer_until(page, "Save my answers")
-    results = saved(page, host)
+    results = save(page, host)
     assert [] == problems
-    label, recording = recorded(host, results)
+    label, recording = recording_of(host, results)
     assert "complete" == recording.status
     assert [3.0] * 4 == list(recording.trials()["answer"])
     assert [33.0] * 4 == list(recording.trials()["share"])
@@ -562,7 +562,7 @@ def test_a_bundle_on_a_plain_host_goes_from_beginning_to_a_file_of_answers(
 
 def test_who_types_what_the_page_says_has_heard_it(tmp_path: Path, browser: Any) -> None:
     host = Host(tmp_path, STUDY.replace("uses=()", 'uses=(), screening=["sound"]'))
-    bundle = host.exported()
+    bundle = host.export()
     steps = json.loads((bundle / "places" / "1.json").read_text("utf-8"))["steps"]
     (wav,) = (base64.b64decode(step["wav"]) for step in steps if step["kind"] == "sound")
     digits = hear_digits(wav, spoken_digits("en", None))
@@ -576,8 +576,8 @@ def test_who_types_what_the_page_says_has_heard_it(tmp_path: Path, browser: Any)
         page.keyboard.type(digits)
         page.keyboard.press("Enter")
         answer_until(page, "Save my answers")
-        results = saved(page, host)
-    _, recording = recorded(host, results)
+        results = save(page, host)
+    _, recording = recording_of(host, results)
     events = recording.events()
     (checked,) = events.loc[events["name"] == "sound_checked", "payload"]
     assert {"said": digits, "heard": digits, "is_right": True, "played": 1} == checked
@@ -604,7 +604,7 @@ def test_a_film_that_cannot_be_played_ends_its_trial_and_the_results_are_taken(
 
     host = with_damaged_films(Host(tmp_path, FILMS))
     page = browser.new_context(accept_downloads=True).new_page()
-    with served_files(host.exported()) as address:
+    with served_files(host.export()) as address:
         page.goto(address)
         page.wait_for_selector("#main button")
         while not page.query_selector("#main a[download]"):
@@ -613,8 +613,8 @@ def test_a_film_that_cannot_be_played_ends_its_trial_and_the_results_are_taken(
                     page.click("text=Go on without it", timeout=2000)
             else:
                 answer(page)
-        results = saved(page, host)
-    _, recording = recorded(host, results)
+        results = save(page, host)
+    _, recording = recording_of(host, results)
     assert ["skipped", "skipped"] == list(recording.trials()["status"])
 
 
@@ -625,15 +625,15 @@ def test_a_page_that_is_reloaded_without_a_network_goes_on_with_its_films(
     host.store = FilmStore(host.store.makers, host.store.study_folder, tmp_path / "films")
     host.store.build(host.base.experiment.films, no_progress)
     page = browser.new_context(accept_downloads=True).new_page()
-    with served_files(host.exported()) as address:
+    with served_files(host.export()) as address:
         page.goto(f"{address}?place=1")
         page.wait_for_selector("#main button")
         while "1 of 2" not in page.inner_text("#progress"):
             answer(page)
     page.reload()  # nobody serves it any more
     answer_until(page, "Save my answers")
-    results = saved(page, host)
-    _, recording = recorded(host, results)
+    results = save(page, host)
+    _, recording = recording_of(host, results)
     rows = recording.trials()
     assert ["complete"] * 2 == list(rows["status"])
     assert (rows["film_frames"] > 0).all()
@@ -646,9 +646,9 @@ def run_of(page: Any) -> str:
 
 
 def test_a_second_person_at_one_computer_is_asked_whether_it_is_theirs(
-    served: tuple[Host, str], browser: Any
+    site: tuple[Host, str], browser: Any
 ) -> None:
-    _, address = served
+    _, address = site
     context = browser.new_context()
     page = context.new_page()
     page.goto(address)
@@ -677,9 +677,9 @@ def test_a_second_person_at_one_computer_is_asked_whether_it_is_theirs(
 
 
 def test_a_link_of_a_panel_opened_again_goes_on_and_a_placeholder_is_refused(
-    served: tuple[Host, str], browser: Any
+    site: tuple[Host, str], browser: Any
 ) -> None:
-    _, address = served
+    _, address = site
     context = browser.new_context()
     page = context.new_page()
     page.goto(f"{address}?PROLIFIC_PID=5f3a99c")
@@ -752,9 +752,9 @@ def jatos_calls(page: Any) -> dict[str, Any]:
 
 @pytest.mark.parametrize("stops", [False, True])
 def test_in_jatos_answers_are_handed_over_and_the_run_is_ended(
-    served: tuple[Host, str], browser: Any, stops: bool
+    site: tuple[Host, str], browser: Any, stops: bool
 ) -> None:
-    host, address = served
+    host, address = site
     page = browser.new_context().new_page()
     page.add_init_script(JATOS)
     page.goto(address)
@@ -779,6 +779,6 @@ def test_in_jatos_answers_are_handed_over_and_the_run_is_ended(
     assert 1 == len(calls["batch"])
     results = host.root / "data.txt"
     results.write_text(calls["lines"], "utf-8")
-    _, recording = recorded(host, results)
+    _, recording = recording_of(host, results)
     assert [3.0] * 4 == list(recording.trials()["answer"])
     assert [0] == [entry.index for entry in host.ledger.list()]

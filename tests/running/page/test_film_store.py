@@ -213,11 +213,11 @@ def test_a_film_is_posed_once_to_be_named_checked_and_drawn_unless_it_is_long(
 ) -> None:
     times_ns = []
 
-    def counted(frame: SceneFrame) -> Picture:
+    def count(frame: SceneFrame) -> Picture:
         times_ns.append(frame.t_ns)
         return picture_of(frame)
 
-    monkeypatch.setattr("visavis.running.film_store.picture_of", counted)
+    monkeypatch.setattr("visavis.running.film_store.picture_of", count)
     monkeypatch.setattr("visavis.running.film_store.MAX_HELD_POSES", limit)
     made = store(tmp_path)
     try:
@@ -249,7 +249,7 @@ def test_a_film_of_another_quality_has_another_name(
     assert usual != store(tmp_path / "finer").name_of(SHORT)
 
 
-def drawn(film: Film, folder: Path) -> npt.NDArray[np.int64]:
+def first_picture(film: Film, folder: Path) -> npt.NDArray[np.int64]:
     """Return a film's first picture as it is drawn here."""
     made = store(folder)
     try:
@@ -266,9 +266,9 @@ MIDDLE = replace(SHORT, size_px=(160, 160))
 def test_a_graphics_card_draws_films_as_a_processor_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usual = drawn(MIDDLE, tmp_path)
+    usual = first_picture(MIDDLE, tmp_path)
     monkeypatch.setattr("visavis.stage.card.context.draws_on_processor", lambda context: False)
-    assert np.array_equal(usual, drawn(MIDDLE, tmp_path))
+    assert np.array_equal(usual, first_picture(MIDDLE, tmp_path))
 
 
 DRAW_ELSEWHERE = """
@@ -291,7 +291,7 @@ def test_two_graphics_drivers_draw_a_film_that_looks_the_same(tmp_path: Path) ->
     done = subprocess.run(code, capture_output=True, text=True, env=softly, check=False)
     if done.returncode or "softpipe" not in done.stdout:
         pytest.skip(f"there is no second driver here: {done.stderr[-200:]}")
-    apart = np.abs(drawn(MIDDLE, tmp_path) - np.load(tmp_path / "other.npy")).max(axis=2)
+    apart = np.abs(first_picture(MIDDLE, tmp_path) - np.load(tmp_path / "other.npy")).max(axis=2)
     assert apart.mean() < 0.5
     assert (apart > SEEN_CODES).mean() < 0.001
 
@@ -402,16 +402,16 @@ def test_a_study_that_no_page_performs_is_neither_served_nor_exported_but_import
     (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
     (tmp_path / "results.txt").write_text('{"run": "a", "line": 0, "arrived": {}}\n', "utf-8")
 
-    def asked(verb: str, *words: str) -> Any:
+    def ask(verb: str, *words: str) -> Any:
         config = ["--config", str(tmp_path / "lab_config.yaml"), "--devices", "sim"]
         return CliRunner().invoke(app, [verb, str(tmp_path / "seen.py"), *words, *config])
 
     for verb, *words in (["serve"], ["export-web", "--places", "2", "-o", str(tmp_path / "b")]):
-        answer = asked(verb, *words)
+        answer = ask(verb, *words)
         assert isinstance(answer.exception, DesignError), answer.output
         assert "it needs eye_tracker, which no page has" in str(answer.exception)
     assert not (tmp_path / "b").exists()
-    answer = asked("import-web", str(tmp_path / "results.txt"))
+    answer = ask("import-web", str(tmp_path / "results.txt"))
     assert "0 recorded" in answer.output
     assert "left out: run a" in answer.output
 

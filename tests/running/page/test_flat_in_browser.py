@@ -17,7 +17,7 @@ from tests.running.page.test_browser import (
     step_on,
 )
 from tests.running.page.test_browser import server as server
-from tests.running.page.test_elsewhere import Host, recorded, saved, served_files
+from tests.running.page.test_elsewhere import Host, recording_of, save, served_files
 from visavis.cli.main import app
 from visavis.lab.clock import StopWatch
 from visavis.recording.reader import Recording
@@ -77,10 +77,10 @@ def test_stroop_runs_on_a_page_through_a_killed_server_to_its_report(
     session = server.root / "data/simulated/stroop/sub-S01B/ses-001"
     assert address == server.start("resume", str(session))
     perform(page, "rgb", "Thank you", 1)
-    said = server.end()
+    output = server.end()
 
     recording = Recording(session)
-    assert "complete" == recording.status, said
+    assert "complete" == recording.status, output
     rows = recording.trials()
     assert 9 == len(rows)
     assert {"complete"} == set(rows["status"])
@@ -180,7 +180,7 @@ def test_a_bundle_shows_pictures_and_remembers_its_screen_through_a_reload(
 ) -> None:
     Files.new("RGB", (40, 30), (200, 30, 40)).save(tmp_path / "ü.png")
     host = Host(tmp_path, APART)
-    with served_files(host.exported()) as address:
+    with served_files(host.export()) as address:
         context = browser.new_context(
             accept_downloads=True, viewport={"width": 1200, "height": 800}
         )
@@ -189,8 +189,8 @@ def test_a_bundle_shows_pictures_and_remembers_its_screen_through_a_reload(
         perform(page, "f", "1", 0)
         page.reload()
         perform(page, "f", "Save my answers", 0)
-        results = saved(page, host)
-    _, recording = recorded(host, results)
+        results = save(page, host)
+    _, recording = recording_of(host, results)
     rows = recording.trials()
     assert ["f"] * 3 == list(rows["answer"])
     assert 1 == rows["px_per_deg"].nunique()

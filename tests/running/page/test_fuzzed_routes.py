@@ -67,9 +67,9 @@ def test_answers_on_one_connection_are_told_apart() -> None:
     chunked = b"HTTP/1.1 416 No\r\nTransfer-Encoding: chunked\r\n\r\n2\r\ncd\r\n1\r\ne\r\n0\r\n\r\n"
     of_head = b"HTTP/1.1 200 OK\r\nContent-Length: 9\r\n\r\n"
     whole = b"HTTP/0.9 200 OK\r\nContent-Length: 2\r\n\r\nab"
-    said = chunked + of_head + whole + b"HTTP/1.1 404 Not Found\r\n\r\n"
+    stream = chunked + of_head + whole + b"HTTP/1.1 404 Not Found\r\n\r\n"
     expected = [(416, b"cde"), (200, b""), (200, b"ab"), (404, b"")]
-    assert expected == [(answer.status, answer.body) for answer in answers_in(said)]
+    assert expected == [(answer.status, answer.body) for answer in answers_in(stream)]
     with pytest.raises(ValueError, match="no answer"):
         answers_in(b"hello")
     with pytest.raises(ValueError, match="no chunk"):

@@ -20,7 +20,7 @@ from tests.running.page.test_browser import (
     step_on,
     until,
 )
-from tests.running.page.test_heard_in_browser import digits_said
+from tests.running.page.test_heard_in_browser import digits_of
 from visavis.lab.clock import NS_PER_MS, StopWatch
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
@@ -58,7 +58,7 @@ def film_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def drawn_once(server: Server, film_cache: Path) -> Server:
+def server_with_films(server: Server, film_cache: Path) -> Server:
     """The server, with the films that were drawn before."""
     (server.root / "cache").symlink_to(film_cache, target_is_directory=True)
     return server
@@ -95,7 +95,7 @@ def can_answer(page: Any) -> bool:
     return page.query_selector("#main input[type=radio]:not([disabled])") is not None
 
 
-def opened(server: Server, browser: Any, study: str, *only: str) -> tuple[Any, list[str]]:
+def open_study(server: Server, browser: Any, study: str, *only: str) -> tuple[Any, list[str]]:
     """Run a study up to its first film; return the page, and what went wrong on it so far."""
     address = server.start("run", study, "--participant", "1", "--on", "browser", *ONE_PART, *only)
     page = browser.new_context(viewport={"width": 1000, "height": 800}).new_page()
@@ -107,19 +107,19 @@ def opened(server: Server, browser: Any, study: str, *only: str) -> tuple[Any, l
     page.goto(address)
     until(page, "Play the voice")
     page.get_by_text("Play the voice").click()
-    page.fill("#heard", digits_said(responses))
+    page.fill("#heard", digits_of(responses))
     page.get_by_text("Continue").click()
     return page, problems
 
 
-def reloaded(page: Any) -> None:
+def reload(page: Any) -> None:
     """Load the page anew in the middle of a film, and have the film begin again."""
     wait_for(page, is_under_way, steps=True)
     page.reload()
     wait_for(page, is_under_way, steps=True)  # there may be a button to press for sound
 
 
-def killed_and_resumed(server: Server, study: str) -> None:
+def kill_and_resume(server: Server, study: str) -> None:
     server.kill()
     session = session_dir(server.root / "data", study, "S01B", 1, is_simulated=True)
     server.start("resume", str(session))
@@ -127,10 +127,10 @@ def killed_and_resumed(server: Server, study: str) -> None:
 
 def rows_of(server: Server, study: str) -> pd.DataFrame:
     """Return the trials of a session that is over, whose sound was heard from the start on."""
-    said = server.end()
+    output = server.end()
     session = session_dir(server.root / "data", study, "S01B", 1, is_simulated=True)
     recording = Recording(session)
-    assert "complete" == recording.status, said
+    assert "complete" == recording.status, output
     (checked,) = recording.events_named("sound_checked", 1)["payload"]
     assert checked["is_right"]
     rows = recording.trials()
@@ -146,11 +146,11 @@ def rows_of(server: Server, study: str) -> pd.DataFrame:
 
 
 def test_single_clips_are_heard_once_each_through_a_reload_and_a_killed_server(
-    drawn_once: Server, browser: Any
+    server_with_films: Server, browser: Any
 ) -> None:
     two_bodies = ("--set", "body=[corpus, holds]")
-    page, problems = opened(drawn_once, browser, "gestures", *two_bodies)
-    reloaded(page)
+    page, problems = open_study(server_with_films, browser, "gestures", *two_bodies)
+    reload(page)
     wait_for(page, can_answer)
     (film,) = films_on(page)
     assert film["ended"]
@@ -159,9 +159,9 @@ def test_single_clips_are_heard_once_each_through_a_reload_and_a_killed_server(
     assert 1 == page.evaluate("window.plays")
     assert "VIDEO" != page.evaluate(MENU_OF)  # a browser's menu of a film can play it again
     wait_for(page, is_second_under_way, steps=True)
-    killed_and_resumed(drawn_once, "gestures")
+    kill_and_resume(server_with_films, "gestures")
     until(page, "Thank you")
-    rows = rows_of(drawn_once, "gestures")
+    rows = rows_of(server_with_films, "gestures")
     assert [1, 1] == rows["film_rounds"].astype(int).tolist()
     assert {"corpus", "holds"} == set(rows["body"])
     assert (rows["naturalness_ms"] >= 1000 * FILM_S - FRAME_MS).all()
@@ -169,10 +169,10 @@ def test_single_clips_are_heard_once_each_through_a_reload_and_a_killed_server(
 
 
 def test_a_pair_is_heard_again_and_again_through_a_reload_and_a_killed_server(
-    drawn_once: Server, browser: Any
+    server_with_films: Server, browser: Any
 ) -> None:
-    page, problems = opened(drawn_once, browser, "gesture_pairs")
-    reloaded(page)
+    page, problems = open_study(server_with_films, browser, "gesture_pairs")
+    reload(page)
     page.evaluate(SECOND + ".pause()")  # as if its decoder came to nothing for a while
     wait_for(page, lambda page: not films_on(page)[0]["plays"])
     page.evaluate(SECOND + ".play()")
@@ -180,9 +180,9 @@ def test_a_pair_is_heard_again_and_again_through_a_reload_and_a_killed_server(
     wait_for(page, can_answer)
     wait_for(page, lambda page: page.evaluate("window.plays") >= 4 and is_under_way(page))
     assert [False, True] == sorted(film["muted"] for film in films_on(page))
-    killed_and_resumed(drawn_once, "gesture_pairs")
+    kill_and_resume(server_with_films, "gesture_pairs")
     until(page, "Thank you")
-    rows = rows_of(drawn_once, "gesture_pairs")
+    rows = rows_of(server_with_films, "gesture_pairs")
     assert (rows["film_rounds"] >= 1).all()
     assert rows["vote"].notna().all()
     assert [] == problems

@@ -37,7 +37,7 @@ def trial(t):
 """
 
 
-def opened(
+def open_study(
     server: Server, browser: Any, which: str, text: str = IN_HEADSET
 ) -> tuple[Any, list[str]]:
     """Return a page before a headset, after the consent, at the step that enters VR."""
@@ -60,7 +60,7 @@ def before_a_headset(browser: Any, address: str, which: str) -> tuple[Any, list[
     return page, problems
 
 
-def recorded(server: Server) -> Recording:
+def recording_of(server: Server) -> Recording:
     """Return the recording of the session, as far as it is on the disk."""
     return Recording(session_dir(server.root / "data", "apart", "S01B", 1, is_simulated=True))
 
@@ -73,7 +73,7 @@ def payloads(recording: Recording, name: str) -> list[dict[str, Any]]:
 
 def page_events(server: Server, kind: str) -> list[dict[str, Any]]:
     """Return what the journal says of a kind of events of the page."""
-    return [p for p in payloads(recorded(server), "page_event") if p["kind"] == kind]
+    return [p for p in payloads(recording_of(server), "page_event") if p["kind"] == kind]
 
 
 def wait(page: Any, condition: str | Callable[[], bool]) -> None:
@@ -84,7 +84,7 @@ def wait(page: Any, condition: str | Callable[[], bool]) -> None:
         page.wait_for_timeout(50)
 
 
-def entered(page: Any) -> None:
+def enter(page: Any) -> None:
     """Enter VR by the page's button, say how one feels, and see the first trial's figures."""
     page.locator("#main button:not(.quiet):not([disabled])").click()
     say_how_one_feels(page)
@@ -110,7 +110,7 @@ def press(page: Any, text: str, nth: int = 0) -> None:
     page.evaluate("([text, nth]) => person.press(text, nth)", [text, nth])
 
 
-def answered(page: Any, trial: int) -> None:
+def answer_trial(page: Any, trial: int) -> None:
     """See a trial's figures, answer by rays, and go on."""
     figures(page)
     press(page, str(trial + 2))
@@ -124,20 +124,20 @@ def answered(page: Any, trial: int) -> None:
 def test_a_study_runs_from_consent_to_thanks_in_a_headset(
     which: str, server: Server, browser: Any
 ) -> None:
-    page, problems = opened(server, browser, which)
+    page, problems = open_study(server, browser, which)
     assert "Clear the floor" in state_of(page)["text"]
-    entered(page)
+    enter(page)
     for trial in range(2):
-        answered(page, trial)
+        answer_trial(page, trial)
     say_how_one_feels(page)
     until(page, "Thank you", steps=False)
     assert page.evaluate("worn.isPresenting()")
     press(page, "Leave VR")
     wait(page, "() => !worn.isPresenting()")
-    said = server.end()
-    recording = recorded(server)
+    output = server.end()
+    recording = recording_of(server)
     rows = recording.trials()
-    assert list(rows["status"]) == ["complete"] * 2, said
+    assert list(rows["status"]) == ["complete"] * 2, output
     assert [list(rows[name]) for name in ("lively", "heavy")] == [[2, 3], [3, 4]]
     assert {*rows["lively_by"], *rows["heavy_by"]} == {"ray"}
     assert {*rows["seen_in"]} == {"headset"}
@@ -174,8 +174,8 @@ def test_a_study_runs_from_consent_to_thanks_in_a_headset(
 def test_what_interrupts_a_figure_in_a_headset_is_told_and_the_figure_is_seen_again(
     server: Server, browser: Any
 ) -> None:
-    page, problems = opened(server, browser, "standard")
-    entered(page)
+    page, problems = open_study(server, browser, "standard")
+    enter(page)
     assert page.get_attribute("canvas.figure", "data-draws") == "2"  # of two people, for each eye
     press(page, "2")
     # Off the head: no head holds so still. What was answered stays.
@@ -199,12 +199,12 @@ def test_what_interrupts_a_figure_in_a_headset_is_told_and_the_figure_is_seen_ag
     press(page, "3", 1)
     press(page, "Continue")
     page.wait_for_selector("input:checked", state="detached", timeout=PATIENCE_S * 1000)
-    wait(page, lambda: len(recorded(server).trials()) == 1)
-    said = [p["what"] for p in page_events(server, "xr")]
-    assert said[:6] == ["off", "on", "blurred", "visible", "reset", "controllers_asleep"]
-    assert said[6:] == ["controllers_awake"]
+    wait(page, lambda: len(recording_of(server).trials()) == 1)
+    changes = [p["what"] for p in page_events(server, "xr")]
+    assert changes[:6] == ["off", "on", "blurred", "visible", "reset", "controllers_asleep"]
+    assert changes[6:] == ["controllers_awake"]
     server.kill()  # so that nothing is added while it is read
-    recording = recorded(server)
+    recording = recording_of(server)
     (flags,) = recording.trials()["flags"]
     happened = {"headset off", "headset paused", "reference space reset", "controllers asleep"}
     assert happened <= set(flags.split(";"))
@@ -224,20 +224,20 @@ def test_what_interrupts_a_figure_in_a_headset_is_told_and_the_figure_is_seen_ag
 def test_whoever_leaves_vr_or_reloads_goes_on_at_the_screen_and_each_trial_says_where(
     server: Server, browser: Any
 ) -> None:
-    page, problems = opened(server, browser, "standard")
-    entered(page)
+    page, problems = open_study(server, browser, "standard")
+    enter(page)
     page.evaluate("drive.end()")
     page.get_by_text("Take part at this screen").click()
     figures(page)
     for group in page.locator("fieldset").all():
         group.locator("input").first.check()
     page.locator("#main button:not(.quiet)").click()
-    wait(page, lambda: len(recorded(server).trials()) == 1)
+    wait(page, lambda: len(recording_of(server).trials()) == 1)
     page.reload()
     until(page, "How unwell do you feel now?")
     until(page, "Thank you")
     server.end()
-    rows = recorded(server).trials()
+    rows = recording_of(server).trials()
     assert ["both", "screen"] == list(rows["seen_in"])
     assert "VR ended" in rows["flags"].iloc[0]
     assert not problems
@@ -246,7 +246,7 @@ def test_whoever_leaves_vr_or_reloads_goes_on_at_the_screen_and_each_trial_says_
 def test_whoever_enters_again_goes_on_with_the_numbers_of_their_frames(
     server: Server, browser: Any
 ) -> None:
-    page, problems = opened(server, browser, "standard", ASKING_IN_HEADSET)
+    page, problems = open_study(server, browser, "standard", ASKING_IN_HEADSET)
     page.locator("#main button:not(.quiet):not([disabled])").click()
     for _ in range(2):  # VR ends, and somebody enters again on the same page
         wait(page, "() => window.worn && worn.isPresenting() && worn.frames() > 60")
@@ -267,21 +267,21 @@ def has_batches(server: Server, more_than: int) -> bool:
 
 
 def test_a_server_that_is_killed_loses_and_doubles_no_sample(server: Server, browser: Any) -> None:
-    page, problems = opened(server, browser, "standard")
-    entered(page)
+    page, problems = open_study(server, browser, "standard")
+    enter(page)
     for _ in range(3):
         at_kill = len(page_events(server, "stream"))
         server.kill()
         frames = page.evaluate("worn.frames()")
         wait(page, f"() => worn.frames() > {frames + 60}")  # what is measured meanwhile waits
-        server.start("resume", str(recorded(server).path))
+        server.start("resume", str(recording_of(server).path))
         wait(page, partial(has_batches, server, at_kill + 4))
     for trial in range(2):
-        answered(page, trial)
+        answer_trial(page, trial)
     say_how_one_feels(page)
     until(page, "Thank you", steps=False)
     server.end()
-    recording = recorded(server)
+    recording = recording_of(server)
     timing = recording.stream_arrays("frame_timing")
     skipped = timing["skipped"].astype(np.int64)
     for name in STREAMS:

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from tests.running.page.pages import config
 from tests.running.page.test_elsewhere import Host
-from tests.running.page.test_live_scenes import STUDY, opened
+from tests.running.page.test_live_scenes import STUDY, study_in
 from visavis.analysis.session_check import check_session
 from visavis.cli.main import app
 from visavis.lab.clock import SimClock
@@ -29,9 +29,9 @@ IN_HEADSET = STUDY.replace("calibrate=False,", 'calibrate=False, on="browser", x
 STREAMS = ("head", "frame_timing", "pointer", "responses")
 
 
-def performed(root: Path, text: str = IN_HEADSET) -> tuple[OpenedStudy, Recording]:
+def perform(root: Path, text: str = IN_HEADSET) -> tuple[OpenedStudy, Recording]:
     """Return the session of somebody simulated, at the page of a study."""
-    study = opened(root, text)
+    study = study_in(root, text)
     request = simulated_request(
         study, study.experiment({}), config(root), label="S01", index=0, seed=1, effect=True
     )
@@ -41,7 +41,7 @@ def performed(root: Path, text: str = IN_HEADSET) -> tuple[OpenedStudy, Recordin
 def test_a_simulated_session_in_a_headset_is_recorded_as_a_lab_s_and_marked_simulated(
     tmp_path: Path,
 ) -> None:
-    study, recording = performed(tmp_path)
+    study, recording = perform(tmp_path)
     assert "complete" == recording.status
     assert recording.is_simulated
     assert STREAMS == recording.stream_names
@@ -70,7 +70,7 @@ def test_four_minutes_before_a_simulated_answer_are_sent_in_posts_that_a_server_
     tmp_path: Path,
 ) -> None:
     before, _, trial = IN_HEADSET.partition("yield")
-    _, recording = performed(tmp_path, f"{before}yield t.dark(240)\n    yield{trial}")
+    _, recording = perform(tmp_path, f"{before}yield t.dark(240)\n    yield{trial}")
     assert "complete" == recording.status
     head = recording.stream_arrays("head")
     assert list(range(len(head["seq"]))) == list(head["seq"])
@@ -78,14 +78,14 @@ def test_four_minutes_before_a_simulated_answer_are_sent_in_posts_that_a_server_
 
 
 def test_check_tells_of_a_headset_s_streams_by_their_numbers(tmp_path: Path) -> None:
-    _, recording = performed(tmp_path)
+    _, recording = perform(tmp_path)
     streams = {s.stream: s for s in check_session(recording).streams}
     assert streams["head"].rows == streams["head"].expected
     assert "green" == streams["head"].level.name.lower()
 
 
 def test_people_are_told_of_everything_that_a_headset_sends(tmp_path: Path) -> None:
-    study, recording = performed(tmp_path)
+    study, recording = perform(tmp_path)
     made = study.experiment({})
     lines = information_on_page(made, ()).lines
     events = recording.events()
@@ -94,14 +94,14 @@ def test_people_are_told_of_everything_that_a_headset_sends(tmp_path: Path) -> N
     )
     assert {"headset", "head", "presses", "shown"} <= facts
     assert {made.texts.get(f"recorded.{fact}", {"titles": ""}) for fact in facts} <= set(lines)
-    flat = opened(tmp_path / "flat", STUDY).experiment({})
+    flat = study_in(tmp_path / "flat", STUDY).experiment({})
     assert made.texts.get("recorded.head") not in information_on_page(flat, ()).lines
 
 
 def test_hands_are_asked_for_and_told_only_where_a_study_names_them(tmp_path: Path) -> None:
-    plain = opened(tmp_path / "plain", IN_HEADSET).experiment({})
+    plain = study_in(tmp_path / "plain", IN_HEADSET).experiment({})
     named = IN_HEADSET.replace('xr="optional"', 'xr="optional", uses=["hands"]')
-    with_hands = opened(tmp_path / "hands", named).experiment({})
+    with_hands = study_in(tmp_path / "hands", named).experiment({})
     assert STREAMS == plain.headset_streams
     assert (*STREAMS, "hands") == with_hands.headset_streams
     assert with_hands.texts.get("recorded.hands") in information_on_page(with_hands, ()).lines
@@ -148,7 +148,7 @@ def test_what_would_be_typed_in_a_headset_is_refused(tmp_path: Path) -> None:
     typed = IN_HEADSET.replace('Rating("heavy", 1, 5)', 'FreeText("heavy")')
     typed = typed.replace("Factor, Live,", "Factor, FreeText, Live,")
     with pytest.raises(DesignError, match="heavy would be typed"):
-        opened(tmp_path, typed).experiment({}).check_in_headset()
+        study_in(tmp_path, typed).experiment({}).check_in_headset()
 
 
 @pytest.mark.parametrize("name", ["bundle", "bundle.jzip"])
@@ -158,10 +158,10 @@ def test_a_bundle_of_a_study_in_a_headset_is_refused_by_name_and_leaves_nothing(
 ) -> None:
     host = Host(tmp_path, IN_HEADSET.replace("optional", xr))
     with pytest.raises(DesignError, match=r'apart enters a headset.*serve it.*xr="never"'):
-        host.exported(name)
+        host.export(name)
     assert [] == [p.name for p in tmp_path.iterdir() if "bundle" in p.name]
 
 
 def test_another_word_for_xr_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DesignError, match="never, optional, required"):
-        opened(tmp_path, IN_HEADSET.replace('"optional"', '"sometimes"'))
+        study_in(tmp_path, IN_HEADSET.replace('"optional"', '"sometimes"'))

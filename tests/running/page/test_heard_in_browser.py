@@ -57,25 +57,25 @@ HTMLMediaElement.prototype.play = function () {
 __all__ = ["server"]  # the fixture
 
 
-def spoken() -> Waveform:
+def speech_sound() -> Waveform:
     return part_of(read_sound(SPEECH), FROM_S, SECONDS).at_rate(48_000)
 
 
-def lag_s(heard: Vector, said: Vector, rate_hz: float) -> tuple[float, float]:
-    """Return by how much sooner `said` begins in `heard` (negative: later), and how alike they are
-    there, from −1 to 1.
+def lag_s(heard: Vector, speech: Vector, rate_hz: float) -> tuple[float, float]:
+    """Return by how much sooner `speech` begins in `heard` (negative: later), and how alike they
+    are there, from −1 to 1.
     """
-    n = 1 << int(np.ceil(np.log2(len(heard) + len(said))))
-    product = np.fft.irfft(np.fft.rfft(heard, n) * np.conj(np.fft.rfft(said, n)), n)
+    n = 1 << int(np.ceil(np.log2(len(heard) + len(speech))))
+    product = np.fft.irfft(np.fft.rfft(heard, n) * np.conj(np.fft.rfft(speech, n)), n)
     at = int(np.argmax(product))
     at = at - n if at > n // 2 else at
     first, own_first = max(at, 0), max(-at, 0)
-    count = min(len(heard) - first, len(said) - own_first)
-    alike = np.corrcoef(heard[first : first + count], said[own_first : own_first + count])[0, 1]
+    count = min(len(heard) - first, len(speech) - own_first)
+    alike = np.corrcoef(heard[first : first + count], speech[own_first : own_first + count])[0, 1]
     return at / rate_hz, float(alike)
 
 
-def decoded(content: bytes) -> tuple[Vector, list[float]]:
+def decode(content: bytes) -> tuple[Vector, list[float]]:
     """Return sound (48 kHz) and times of the pictures of a film."""
     with av.open(io.BytesIO(content)) as film:
         pictures_s = [float(f.time) for f in film.decode(video=0)]
@@ -84,7 +84,7 @@ def decoded(content: bytes) -> tuple[Vector, list[float]]:
     return np.concatenate(blocks), pictures_s
 
 
-def digits_said(responses: list[Any]) -> str:
+def digits_of(responses: list[Any]) -> str:
     """Return what the page says in the sound check, from what it was sent."""
     for response in responses:
         if "json" in response.headers.get("content-type", ""):
@@ -113,7 +113,7 @@ def test_a_film_is_heard_from_its_first_picture_on_and_its_sound_is_the_speech(
     page.goto(address)
     until(page, "Play the voice")
     page.get_by_text("Play the voice").click()
-    page.fill("#heard", digits_said(responses))
+    page.fill("#heard", digits_of(responses))
     page.get_by_text("Continue").click()
     until(page, "Thank you")
     server.end()
@@ -124,8 +124,8 @@ def test_a_film_is_heard_from_its_first_picture_on_and_its_sound_is_the_speech(
 
     # What was served is the speech, and begins with the pictures.
     (film,) = {r.url: r.body() for r in responses if "/films/" in r.url}.values()
-    sound, pictures_s = decoded(film)
-    late_s, alike = lag_s(sound, samples_of(spoken()), 48_000)
+    sound, pictures_s = decode(film)
+    late_s, alike = lag_s(sound, samples_of(speech_sound()), 48_000)
     assert alike > 0.99
     assert abs(late_s - pictures_s[0]) < FRAME_MS / 1000 / 2
 
@@ -142,10 +142,10 @@ def test_a_film_is_heard_from_its_first_picture_on_and_its_sound_is_the_speech(
     # The film of a pair that is ahead waits for the other.
     for own, waited_ms in ((alone, 0.0), (left, row["film2_apart_ms"])):
         rate_hz = round(own["rateHz"])
-        said = samples_of(part_of(read_sound(SPEECH), FROM_S, SECONDS).at_rate(rate_hz))
-        heard_ms, said_s = first_heard(own, said)
+        speech = samples_of(part_of(read_sound(SPEECH), FROM_S, SECONDS).at_rate(rate_hz))
+        heard_ms, speech_s = speech_onset(own, speech)
         begun_ms = begin_ms(own, heard_ms)
-        assert abs(heard_ms - 1000 * said_s - begun_ms) < TAP_MS + waited_ms
+        assert abs(heard_ms - 1000 * speech_s - begun_ms) < TAP_MS + waited_ms
 
 
 def begin_ms(own: dict[str, Any], heard_ms: float) -> float:
@@ -164,15 +164,15 @@ def samples_of(sound: Waveform) -> Vector:
     return sound.samples[:, 0].astype(np.float64)
 
 
-def first_heard(own: dict[str, Any], said: Vector) -> tuple[float, float]:
+def speech_onset(own: dict[str, Any], speech: Vector) -> tuple[float, float]:
     """Return when the first stretch of speech that is whole in a tapped film is heard, on the
     page's clock, and how late in the speech it is: a browser in a hurry leaves blocks out.
     """
     heard = np.concatenate([block["samples"] for block in own["blocks"]])
     count = round(STRETCH_S * own["rateHz"])
-    for first in range(0, len(said) - count, count // 2):
+    for first in range(0, len(speech) - count, count // 2):
         with np.errstate(invalid="ignore"):  # silence is like nothing
-            at_s, alike = lag_s(heard, said[first : first + count], own["rateHz"])
+            at_s, alike = lag_s(heard, speech[first : first + count], own["rateHz"])
         if at_s >= 0 and alike > 0.8:
             return sample_ms(own, round(at_s * own["rateHz"]), count), first / own["rateHz"]
     pytest.fail("nothing of the speech was heard whole")

@@ -79,7 +79,7 @@ def test_a_key_of_another_certificate_is_refused_and_so_is_what_is_none(tmp_path
 
 
 @pytest.mark.parametrize(
-    ("way", "said"),
+    ("way", "refusal"),
     [
         (Way("http://192.168.1.5", "127.0.0.1", 80, is_lan=True), "speaks https"),
         (Way("", "127.0.0.1", 80, is_lan=True, certificate=Path("a")), "go together"),
@@ -92,13 +92,15 @@ def test_a_key_of_another_certificate_is_refused_and_so_is_what_is_none(tmp_path
         (Way("", "0.0.0.0", 80), "or use --lan"),  # noqa: S104  # refused
     ],
 )
-def test_options_that_do_not_fit_together_are_refused_with_the_way_out(way: Way, said: str) -> None:
-    with pytest.raises(UsageError, match=re.escape(said)):
+def test_options_that_do_not_fit_together_are_refused_with_the_way_out(
+    way: Way, refusal: str
+) -> None:
+    with pytest.raises(UsageError, match=re.escape(refusal)):
         way.check()
 
 
 @pytest.mark.parametrize(
-    ("public", "said"),
+    ("public", "pattern"),
     [
         ("https://study.example.org", "port 443, .* --public https://study.example.org:8080"),
         ("https://study.example.org:80", "port 80, and this listens at 8080"),
@@ -106,9 +108,9 @@ def test_options_that_do_not_fit_together_are_refused_with_the_way_out(way: Way,
         ("", "^$"),
     ],
 )
-def test_a_name_that_leads_to_another_port_is_told(public: str, said: str) -> None:
+def test_a_name_that_leads_to_another_port_is_told(public: str, pattern: str) -> None:
     way = Way(public, "127.0.0.1", 0, is_lan=True)
-    assert re.search(said, way.other_port(8080))
+    assert re.search(pattern, way.other_port(8080))
     assert "" == Way(public, "127.0.0.1", 0).other_port(8080)
 
 
@@ -147,11 +149,11 @@ def serving(root: Path, *options: str) -> Iterator[tuple[list[str], RunningComma
         yield lines, server
     finally:
         server.send_signal(signal.SIGTERM)
-        said, _ = server.communicate(timeout=60)
-        lines += said.splitlines()
+        rest, _ = server.communicate(timeout=60)
+        lines += rest.splitlines()
 
 
-def posted(port: int, tls: ssl.SSLContext, body: dict[str, object]) -> dict[str, object]:
+def post(port: int, tls: ssl.SSLContext, body: dict[str, object]) -> dict[str, object]:
     """Arrive at a served study by https; return the answer."""
     connection = http.client.HTTPSConnection("localhost", port, timeout=60, context=tls)
     try:
@@ -177,9 +179,9 @@ def test_a_lab_is_served_by_https_whose_fingerprint_and_code_stand_on_the_screen
         assert digest == printed.replace(":", "")
         (digits,) = re.findall(r"^(\d{3} \d{3})$", text, re.M)
         tls = ssl.create_default_context(cadata=shown)
-        refused = posted(int(port), tls, {"parameters": {}})
+        refused = post(int(port), tls, {"parameters": {}})
         assert "six digits" in str(refused["text"])
-        wrong = [posted(int(port), tls, {"parameters": {}, "code": f"x{n}"}) for n in range(25)]
+        wrong = [post(int(port), tls, {"parameters": {}, "code": f"x{n}"}) for n in range(25)]
         assert "Too many" in str(wrong[-1]["text"])
     assert "20 wrong codes" in "\n".join(lines)
     with serving(tmp_path, "--lan", "--host", "localhost") as (lines, _):
@@ -187,7 +189,7 @@ def test_a_lab_is_served_by_https_whose_fingerprint_and_code_stand_on_the_screen
         (port,) = re.findall(r"^https://localhost:(\d+)$", text, re.M)
         (digits,) = re.findall(r"^(\d{3} \d{3})$", text, re.M)
         code = digits.replace(" ", "")
-        assert "key" in posted(int(port), tls, {"parameters": {}, "code": code})  # the same one
+        assert "key" in post(int(port), tls, {"parameters": {}, "code": code})  # the same one
         plain = http.client.HTTPConnection("localhost", int(port), timeout=60)
         plain.request("GET", "/")
         with pytest.raises((http.client.HTTPException, OSError)):

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.running.page.served_places import Somebody, served
+from tests.running.page.served_places import Somebody, serve
 from visavis.lab.clock import SimClock
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
@@ -95,7 +95,7 @@ class Place:
             self.is_full = reception._is_full()
             return ending
 
-        return str(served(self, come))  # type: ignore[arg-type]  # as much of a place as it needs
+        return str(serve(self, come))  # type: ignore[arg-type]  # as much of a place as it needs
 
 
 @pytest.fixture

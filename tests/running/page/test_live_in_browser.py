@@ -23,7 +23,7 @@ from tests.running.page.test_browser import (
     until,
 )
 from tests.running.page.test_browser import server as server
-from tests.running.page.test_elsewhere import Host, recorded, saved, served_files
+from tests.running.page.test_elsewhere import Host, recording_of, save, served_files
 from tests.running.page.test_headset_in_browser import serve_site
 from tests.running.page.test_live_scenes import STUDY as WATCHED
 from visavis.experiments.adjectives.pairs import PAIRS
@@ -83,7 +83,7 @@ PLACES = """async ([file, frames, rate]) => {
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]  # a browser
 
 
-def encoded(data: bytes) -> str:
+def base64_of(data: bytes) -> str:
     return base64.b64encode(data).decode()
 
 
@@ -104,8 +104,8 @@ def test_a_page_blends_as_python_does_over_a_thousand_settings(browser: Any) -> 
     phases = rng.uniform(0.0, 4.0, SETTINGS)
     times = rng.uniform(0.0, 9.0, SETTINGS)
     page = browser.new_page()
-    code = encoded((SITE / "blend.js").read_bytes())
-    file = encoded(packed_examples(examples, weights))
+    code = base64_of((SITE / "blend.js").read_bytes())
+    file = base64_of(packed_examples(examples, weights))
     files = [code, file, values.tolist(), phases.tolist(), times.tolist()]
     drawn = page.evaluate(POSES, files)
     expected_weights = weights.at(values)
@@ -130,7 +130,7 @@ def test_a_page_moves_people_of_a_film_as_python_does(browser: Any) -> None:
     page = browser.new_page()
     page.route("http://film.test/**", serve_site)
     page.goto("http://film.test/")
-    drawn = np.array(page.evaluate(PLACES, [encoded(file), len(pictures), film.rate_hz]))
+    drawn = np.array(page.evaluate(PLACES, [base64_of(file), len(pictures), film.rate_hz]))
     skeleton = pictures[0].cast[0].skeleton
     roots = np.array([p.people.root_m[0] for p in pictures])
     turns = np.array([p.people.orientation_wxyz[0] for p in pictures])
@@ -182,10 +182,10 @@ def test_a_real_slider_moulds_and_a_real_mouse_turns(server: Server, browser: An
             page.wait_for_selector(drawn, timeout=PATIENCE_S * 1000)
         leave(page)
     until(page, "Thank you", steps=False)
-    said = server.end()
+    output = server.end()
     folder = session_dir(server.root / "data", "moulding", "S01B", 1, is_simulated=True)
     recording = Recording(folder)
-    assert recording.status == "complete", said
+    assert recording.status == "complete", output
     rows = recording.trials()
     practice, counted = rows.iloc[0], rows.iloc[1:]
     assert (practice["mould_moves"], practice["activeness"]) == (0, 0.5)
@@ -299,7 +299,7 @@ def test_a_page_blends_gestures_as_python_does(browser: Any) -> None:
     examples = gesture_examples("waves", load_character("anna").skeleton)
     rng = np.random.default_rng(8)
     values, phases = rng.uniform(0.0, 1.0, (100, 5)), rng.uniform(0.0, 2.0, 100)
-    files = [encoded((SITE / "blend.js").read_bytes()), encoded(packed_examples(examples))]
+    files = [base64_of((SITE / "blend.js").read_bytes()), base64_of(packed_examples(examples))]
     page = browser.new_page()
     drawn = page.evaluate(POSES, [*files, values.tolist(), phases.tolist(), phases.tolist()])
     shares = values / values.sum(axis=1, keepdims=True)
@@ -401,7 +401,7 @@ def test_figures_are_drawn_from_files_alone_and_the_results_are_taken(
     ).new_page()
     problems: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))
-    with served_files(host.exported(places=1)) as address:
+    with served_files(host.export(places=1)) as address:
         page.goto(address)
         page.locator("#main button").click(timeout=PATIENCE_S * 1000)  # what the block is about
         for trial in range(2):
@@ -411,8 +411,8 @@ def test_figures_are_drawn_from_files_alone_and_the_results_are_taken(
             page.locator("#main button:not(.quiet)").click()
             page.wait_for_selector("input:checked", state="detached", timeout=PATIENCE_S * 1000)
         page.wait_for_selector("#main a[download]", timeout=PATIENCE_S * 1000)
-        results = saved(page, host)
-    _, recording = recorded(host, results)
+        results = save(page, host)
+    _, recording = recording_of(host, results)
     rows = recording.trials()
     assert list(rows["status"]) == ["complete"] * 2
     assert [list(rows[name]) for name in ("lively", "heavy")] == [[1, 2], [2, 3]]

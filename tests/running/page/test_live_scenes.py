@@ -62,7 +62,7 @@ CYCLES_S = {"march": 1.1333, "slouch": 1.2}
 """The longer of the two cycles, that of the plain walk or of the style."""
 
 
-def opened(root: Path, text: str = STUDY) -> OpenedStudy:
+def study_in(root: Path, text: str = STUDY) -> OpenedStudy:
     """Return a study whose file is in a folder."""
     root.mkdir(exist_ok=True)
     file = root / "apart.py"
@@ -72,9 +72,9 @@ def opened(root: Path, text: str = STUDY) -> OpenedStudy:
     return study
 
 
-def performed(root: Path, where: str, text: str = STUDY) -> tuple[OpenedStudy, Recording]:
+def perform(root: Path, where: str, text: str = STUDY) -> tuple[OpenedStudy, Recording]:
     """Return the simulated session of a participant on a page, at a monitor or in a headset."""
-    study = opened(root, text)
+    study = study_in(root, text)
     on_page = where == "page"
     made = simulated_request(
         study,
@@ -93,7 +93,7 @@ def performed(root: Path, where: str, text: str = STUDY) -> tuple[OpenedStudy, R
 def test_figures_are_watched_for_their_rounds_and_then_described(
     where: str, tmp_path: Path
 ) -> None:
-    study, recording = performed(tmp_path / where, where)
+    study, recording = perform(tmp_path / where, where)
     rows = recording.trials().set_index("style")
     assert list(rows["status"]) == ["complete"] * 2
     assert dict(rows["lively"]) == {"march": 5, "slouch": 1}
@@ -122,7 +122,7 @@ def test_a_scene_moves_as_blends_of_its_examples() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "refusal"),
     [
         (lambda: scene(hop=1.0), "the figure's blend names hop; examples are plain, march"),
         (lambda: scene(march=0.0), "weights of at least 0, one of them above"),
@@ -135,8 +135,8 @@ def test_a_scene_moves_as_blends_of_its_examples() -> None:
         (lambda: Viewing(scene(march=1.0), (), replay=False), "replay=False is for films"),
     ],
 )
-def test_a_scene_that_cannot_be_is_refused(wrong: Callable[[], object], said: str) -> None:
-    with pytest.raises(DesignError, match=said):
+def test_a_scene_that_cannot_be_is_refused(wrong: Callable[[], object], refusal: str) -> None:
+    with pytest.raises(DesignError, match=refusal):
         wrong()
 
 
@@ -156,15 +156,15 @@ def test_a_page_cannot_forge_what_it_drew_or_when_rounds_began() -> None:
 
 
 def test_a_session_of_a_version_with_films_is_seen_again_with_its_answers(tmp_path: Path) -> None:
-    _, recording = performed(tmp_path / "films", "page", WITH_FILMS)
+    _, recording = perform(tmp_path / "films", "page", WITH_FILMS)
     row = recording.trials().iloc[0].to_dict()
     assert row["film_frames"] > 0
-    (step,) = seen_trial(opened(tmp_path / "live"), recording, row).steps
+    (step,) = seen_trial(study_in(tmp_path / "live"), recording, row).steps
     assert {q.name: q.answer for q in step.questions} == {"lively": "3", "heavy": "3"}
 
 
 def test_figures_are_seen_again_as_they_stood(tmp_path: Path) -> None:
-    study, recording = performed(tmp_path / "monitor", "monitor")
+    study, recording = perform(tmp_path / "monitor", "monitor")
     row = recording.trials().iloc[0]
     frame_ns = NS_PER_S // 60
     trial = recorded_trial(CachedRecording(recording.path), row["trial_id"])
@@ -175,7 +175,7 @@ def test_figures_are_seen_again_as_they_stood(tmp_path: Path) -> None:
 
 
 def test_rounds_stand_in_the_table_of_movements(tmp_path: Path) -> None:
-    _, recording = performed(tmp_path / "page", "page")
+    _, recording = perform(tmp_path / "page", "page")
     rounds = {"names": [], "sliders": [], "camera": [[20.0, 1.0, 1.3, -3.6]]}
     payload = {"tab": "t", "kind": "moved", "step": 3, **rounds, "rounds": [[30.0, 0], [40.0, 1]]}
     events = [
@@ -198,7 +198,7 @@ def test_rounds_stand_in_the_table_of_movements(tmp_path: Path) -> None:
 
 
 def test_a_study_with_figures_can_be_written_down_for_another_host(tmp_path: Path) -> None:
-    bundle = Host(tmp_path, STUDY).exported(places=1)
+    bundle = Host(tmp_path, STUDY).export(places=1)
     steps = json.loads((bundle / "places" / "0.json").read_text("utf-8"))["steps"]
     (preload,) = (step for step in steps if step["kind"] == "preload")
     assert {a["name"]: a["bytes"] for a in preload["assets"]} == {

@@ -82,7 +82,7 @@ class Page:
             [{"n": self.desk.last_event_number + 1, "at_ms": self.visitor.now_ms, **event}],
         )
 
-    def moved(self, sliders: list[Any], **more: Any) -> None:
+    def move(self, sliders: list[Any], **more: Any) -> None:
         """Tell that a slider of the step that is shown was moved."""
         event = {"names": ["activeness"], "sliders": sliders, "camera": [], **more}
         self.send(kind="moved", step=self.desk.step_number, **event)
@@ -140,7 +140,7 @@ def test_movements_before_a_page_was_reloaded_are_recorded_but_are_not_of_the_an
 ) -> None:
     page = Page(None, tmp_path)
     page.until("mould")
-    page.moved([[page.visitor.now_ms + 100, 0, 0.9]])
+    page.move([[page.visitor.now_ms + 100, 0, 0.9]])
     page.desk.hello("two", before=TAB)
     page.desk.hello(TAB, before="two")
     page.answer()
@@ -157,7 +157,7 @@ def test_movements_that_waited_in_the_store_of_an_earlier_page_are_not_of_the_an
     page.until("mould")
     page.desk.hello("two", before=TAB)
     page.tab = "two"
-    page.moved([[900_000.0, 0, 0.9]], tab=TAB, at_ms=900_000.0)
+    page.move([[900_000.0, 0, 0.9]], tab=TAB, at_ms=900_000.0)
     page.answer()
     recording = page.end()
     first = recording.trials().iloc[0]
@@ -212,7 +212,7 @@ def test_a_session_that_broke_off_in_the_middle_of_a_figure_gives_the_same_rows(
     page.until("mould")
     page.answer()
     page.until("mould")
-    page.moved([[page.visitor.now_ms + 100, 0, 0.9]])
+    page.move([[page.visitor.now_ms + 100, 0, 0.9]])
     path = page.folder.path
     page.close()
     again = Page(path, tmp_path / "broken", past_of(Recording(path)), "another")
@@ -225,7 +225,7 @@ def test_a_session_that_broke_off_in_the_middle_of_a_figure_gives_the_same_rows(
 
 
 @pytest.mark.parametrize(
-    ("sliders", "more", "said"),
+    ("sliders", "more", "refusal"),
     [
         ([[1.0, 1, 0.5]], {}, "no slider 1"),
         ([[1.0, 0]], {}, "has 3 numbers"),
@@ -237,17 +237,17 @@ def test_a_session_that_broke_off_in_the_middle_of_a_figure_gives_the_same_rows(
     ],
 )
 def test_forged_movements_are_refused(
-    sliders: list[Any], more: dict[str, Any], said: str, tmp_path: Path
+    sliders: list[Any], more: dict[str, Any], refusal: str, tmp_path: Path
 ) -> None:
     page = Page(None, tmp_path)
     page.until("mould")
-    with pytest.raises(PageError, match=said):
-        page.moved(sliders, **more)
+    with pytest.raises(PageError, match=refusal):
+        page.move(sliders, **more)
     page.close()
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "refusal"),
     [
         ({"ended_by": "boredom"}, "ended by"),
         ({"frames": -1}, "frames"),
@@ -265,12 +265,12 @@ def test_forged_movements_are_refused(
     ],
 )
 def test_forged_replies_to_a_figure_are_refused(
-    change: dict[str, Any], said: str, tmp_path: Path
+    change: dict[str, Any], refusal: str, tmp_path: Path
 ) -> None:
     page = Page(None, tmp_path)
     page.until("mould")
     reply = page.visitor.reply(PageStep("mould", page.desk.step.content))
-    with pytest.raises(PageError, match=said):
+    with pytest.raises(PageError, match=refusal):
         page.send(kind="reply", step=page.desk.step_number, reply={**reply, **change})
     page.close()
 

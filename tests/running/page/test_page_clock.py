@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.running.page.pages import TAB, Page, begun, gone_on
+from tests.running.page.pages import TAB, Page, begin_session, go_on_with
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.recording.page_clock import PAGE_ROLE, PageClock
 from visavis.recording.reader import Recording
@@ -153,7 +153,7 @@ def test_a_film_s_onset_is_true_after_an_hour_and_is_seen_again_at_the_same_time
     ppm: float, tmp_path: Path
 ) -> None:
     network = Network(ppm)
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         at_a_film(page)
         beats(page, network, 3600.0)
         on_s = page.clock.now_ns() / NS_PER_S
@@ -170,7 +170,7 @@ def test_a_film_s_onset_is_true_after_an_hour_and_is_seen_again_at_the_same_time
 
 def test_a_page_that_slept_is_placed_by_the_exchanges_after_it(tmp_path: Path) -> None:
     network = Network(20.0, leaps_s=[(1000.0, -900.0)])  # its clock stands for a quarter of an hour
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         at_a_film(page)
         beats(page, network, 995.0)
         page.clock.sleep_until_ns(1900 * NS_PER_S)
@@ -186,7 +186,7 @@ def test_a_page_that_slept_is_placed_by_the_exchanges_after_it(tmp_path: Path) -
 
 def test_a_page_whose_clock_was_set_is_flagged(tmp_path: Path) -> None:
     network = Network(leaps_s=[(100.0, 3600.0)])
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         at_a_film(page)
         beats(page, network, 200.0)
         page.desk.take(TAB, [film_reply(page, network, page.clock.now_ns() / NS_PER_S)])
@@ -200,7 +200,7 @@ def test_one_slow_way_is_no_clock_that_was_set(
     slow_ms: tuple[float, float], tmp_path: Path
 ) -> None:
     network = Network(queue_ms=0.1)
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         at_a_film(page)
         ways_s = iter([way_ms / 1000 for way_ms in slow_ms])
         with pytest.MonkeyPatch.context() as patch:
@@ -214,11 +214,11 @@ def test_one_slow_way_is_no_clock_that_was_set(
 
 def test_a_clock_outlives_its_server_only_as_far_as_session_time_does(tmp_path: Path) -> None:
     network = Network(50.0)
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         at_a_film(page)
         beats(page, network, 400.0)
         page.desk.recorder.checkpoint()
-    with gone_on(path) as page:  # session time begins anew
+    with go_on_with(path) as page:  # session time begins anew
         page.answer_all()
         page.desk.recorder.close("complete")
     row = Recording(path).trials().iloc[0]

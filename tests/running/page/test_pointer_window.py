@@ -53,7 +53,7 @@ AREAS = "door: {rectangle: [0, 0, 200, 300]}\nlamp: {rectangle: [200, 0, 200, 30
 SCREEN = {"px_per_mm": 4.0, "distance_mm": 600.0}
 
 
-def opened(folder: Path, text: str = STUDY) -> Any:
+def study_in(folder: Path, text: str = STUDY) -> Any:
     (folder / "windows.py").write_text(text, "utf-8")
     (folder / "room.yaml").write_text(AREAS, "utf-8")
     picture = Files.new("L", (400, 300))
@@ -63,7 +63,7 @@ def opened(folder: Path, text: str = STUDY) -> Any:
 
 
 def request_of(folder: Path, text: str = STUDY) -> Any:
-    study = opened(folder, text)
+    study = study_in(folder, text)
     config = lab_in(folder, EXAMPLE)
     return simulated_request(study, study.experiment({}), config, label="S01B", index=0, seed=1)
 
@@ -75,7 +75,7 @@ def reply_of(path: Any) -> dict[str, Any]:
 
 
 def test_time_of_the_window_on_areas_follows_from_its_recorded_path(tmp_path: Path) -> None:
-    study = opened(tmp_path)
+    study = study_in(tmp_path)
     experiment = study.experiment({})
     script = TrialScript(Trial("T1", 1, 0, False, {"side": "left"}, 1), experiment.settings)
     performing = perform_on_page(script, study.study.trial_plan, lambda image: {})
@@ -100,7 +100,7 @@ def test_time_of_the_window_on_areas_follows_from_its_recorded_path(tmp_path: Pa
 
 @pytest.mark.parametrize("path", [None, [[1.0, 2.0]], [["a", 1, 2]], [[0.0, 1.0, 2.0]] * 20_001])
 def test_a_forged_path_is_refused(path: Any, tmp_path: Path) -> None:
-    study = opened(tmp_path)
+    study = study_in(tmp_path)
     script = TrialScript(
         Trial("T1", 1, 0, False, {"side": "left"}, 1), study.experiment({}).settings
     )
@@ -125,8 +125,8 @@ def test_simulated_people_uncover_what_is_salient(tmp_path: Path) -> None:
     assert (rows["door_pointer_ms"] + rows["lamp_pointer_ms"] <= 4100).all()
     assert not any("gaze" in c for c in rows if "pointer" in c)
     # Participants were told of it, in the words of what a page records.
-    told = information_on_page(request.experiment, ())
-    assert any("pointer" in line for line in told.lines)
+    information = information_on_page(request.experiment, ())
+    assert any("pointer" in line for line in information.lines)
     facts = frozenset().union(
         *(
             facts_in_event(n, p)
@@ -158,7 +158,7 @@ def answer(seen, response, rng):
 
 
 def test_such_a_study_is_sound_and_its_power_can_be_simulated(tmp_path: Path) -> None:
-    opened(tmp_path)
+    study_in(tmp_path)
     check_study(tmp_path / "windows.py")
 
 
@@ -173,7 +173,7 @@ def test_a_window_after_the_pointer_is_refused_before_a_monitor_at_plan_already(
     assert "is for pages" in str(CliRunner().invoke(app, words).exception)
     wrong = STUDY.replace('"pointer", w', '"mouse", w')
     with pytest.raises(DesignError, match="reveal is 'mouse'"):
-        opened(tmp_path, wrong).experiment({})
+        study_in(tmp_path, wrong).experiment({})
 
 
 GREY = """([x, y]) => {
@@ -190,7 +190,7 @@ GREY = """([x, y]) => {
 def test_a_browser_shows_the_picture_within_the_window_and_records_where_it_was(
     server: Server, browser: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    opened(server.root)
+    study_in(server.root)
     address = server.start("run", "windows.py", "--participant", "1", "--set", "repetitions=1")
     page = browser.new_context(viewport={"width": 1200, "height": 800}).new_page()
     problems: list[str] = []
@@ -218,13 +218,13 @@ def test_a_browser_shows_the_picture_within_the_window_and_records_where_it_was(
             else:
                 step_on(page)
         page.wait_for_timeout(30)
-    said = server.end()
+    output = server.end()
     # A busy processor may draw later than it is looked at.
     assert any(sharp > 200 and veiled < 150 for sharp, veiled in greys), greys
     assert [] == problems
     session = server.root / "data/simulated/windows/sub-S01B/ses-001"
     recording = Recording(session)
-    assert "complete" == recording.status, said
+    assert "complete" == recording.status, output
     events = recording.events()
     assert 2 == (events["name"] == "pointer_window").sum()
     monkeypatch.chdir(server.root)

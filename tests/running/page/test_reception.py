@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.running.page.pages import experiment, study
-from tests.running.page.served_places import Place, posted, serve_file, served, void
+from tests.running.page.served_places import Place, post, serve, serve_file, void
 from visavis.cli.commands.serving import people_wanted
 from visavis.experiments.interpolation.study import study as interpolation
 from visavis.lab.errors import DataError, UsageError
@@ -41,7 +41,7 @@ def test_three_at_once_have_a_whole_session_each(place: Place) -> None:
 
         return list(await asyncio.gather(one(), one(), one()))
 
-    assert ["done"] * 3 == served(place, act)
+    assert ["done"] * 3 == serve(place, act)
     assert ["complete"] * 3 == [Recording(p).status for p in place.sessions()]
     assert [0, 1, 2] == [entry.index for entry in place.ledger.list()]
 
@@ -60,10 +60,10 @@ def test_who_comes_again_gets_the_session_they_had_also_of_a_new_server(place: P
         address = await arrive(base, parameters)
         return address.partition("#")[2], await visit(address, place.visitor(), place.clock)
 
-    key = served(place, first)
+    key = serve(place, first)
     (session,) = place.sessions()
     assert "aborted" == Recording(session).status
-    assert (key, "done") == served(place, again)
+    assert (key, "done") == serve(place, again)
     assert [session] == place.sessions()
     recording = Recording(session)
     assert 2 == len(recording.manifest.parts)
@@ -76,7 +76,7 @@ def test_who_somebody_is_to_a_panel_never_lies_with_the_data(place: Place) -> No
     async def act(base: str, _: Reception) -> None:
         await visit(await arrive(base, {"PROLIFIC_PID": "5f3a99c"}), place.visitor(), place.clock)
 
-    served(place, act)
+    serve(place, act)
     (label,) = place.who
     assert {"panel": "Prolific", "identifier": "5f3a99c"} == dict(place.who[label])
     for path in place.lab.data_root.rglob("*"):
@@ -91,7 +91,7 @@ def test_of_whoever_declines_neither_identifier_nor_page_is_kept(place: Place) -
         key = await arrive(base, {"PROLIFIC_PID": "5f3a99c"})
         return await visit(key, place.visitor("decline"), place.clock)
 
-    assert "declined" == served(place, act)
+    assert "declined" == serve(place, act)
     assert {} == place.who
     (session,) = place.sessions()
     events = Recording(session).events()
@@ -106,7 +106,7 @@ def test_stop_and_delete_leaves_a_tombstone_and_stop_and_keep_the_answers(place:
             for stop in ("delete", "keep")
         ]
 
-    assert ["withdrawn", "stopped"] == served(place, act)
+    assert ["withdrawn", "stopped"] == serve(place, act)
     gone, stays = place.ledger.list()
     assert ("withdrawn", "active") == (gone.status, stays.status)
     assert [place.folder / f"sub-{stays.label}" / "ses-001"] == place.sessions()
@@ -128,7 +128,7 @@ def test_when_enough_are_at_it_others_are_told_and_who_leaves_makes_room(tmp_pat
                 state = await response.json()
         return [state["completion"], (await reception.board())["counts"]]
 
-    completion, counts = served(place, act)
+    completion, counts = serve(place, act)
     assert "https://panel.example/?cc=1&id=a-1" == completion
     assert {"left": 1, "arrived": 1} == counts
 
@@ -146,7 +146,7 @@ def test_a_place_is_taken_with_the_consent_and_whoever_consents_too_late_is_told
             await arrive(base, panel)
         return [*outcomes, (await reception.board())["counts"]]
 
-    assert ["done", "full", {"complete": 1, "full": 1}] == served(place, act)
+    assert ["done", "full", {"complete": 1, "full": 1}] == serve(place, act)
     late = Recording(place.sessions()[1])
     payloads = list(late.events().loc[late.events()["name"] == "page_event", "payload"])
     assert [{"agreed": True, "is_full": True}] == [payload["reply"] for payload in payloads]
@@ -187,7 +187,7 @@ def test_without_consent_a_place_is_taken_with_the_first_answer_of_a_person(
             await arrive(base, {})
         return [*counts, *outcomes, (await reception.board())["counts"]]
 
-    found = served(place, act)
+    found = serve(place, act)
     assert [{"arrived": 2}, "done", "full", {"complete": 1, "full": 1}] == found
     late = Recording(place.sessions()[1])
     payloads = late.events().loc[late.events()["name"] == "page_event", "payload"]
@@ -207,7 +207,7 @@ def test_who_goes_on_without_consent_has_a_place_only_if_they_answered(
         await visit(address, place.visitor(), place.clock, ends=lambda step: True)
         return address.partition("#")[2]
 
-    key = served(place, opens)
+    key = serve(place, opens)
 
     async def comes_back(base: str, reception: Reception) -> list[Any]:
         assert await reception.session_of(key) is not None
@@ -215,7 +215,7 @@ def test_who_goes_on_without_consent_has_a_place_only_if_they_answered(
         first = await visit(await arrive(base, {}), place.visitor(), place.clock)
         return [counts, first, await visit(f"{base}/#{key}", place.visitor(), place.clock)]
 
-    assert [{"arrived": 1}, "done", "full"] == served(place, comes_back)
+    assert [{"arrived": 1}, "done", "full"] == serve(place, comes_back)
 
 
 def test_who_is_sent_back_to_the_start_without_consent_has_arrived_at_reception_and_on_board(
@@ -233,7 +233,7 @@ def test_who_is_sent_back_to_the_start_without_consent_has_arrived_at_reception_
         )
         return address.partition("#")[2]
 
-    key = served(place, leaves_in_second_trial)
+    key = serve(place, leaves_in_second_trial)
 
     async def comes_back(base: str, reception: Reception) -> list[Any]:
         reception._returning = Returning(resumes="start")
@@ -243,7 +243,7 @@ def test_who_is_sent_back_to_the_start_without_consent_has_arrived_at_reception_
         outcome = await visit(f"{base}/#{key}", place.visitor(), place.clock)
         return [states, *counts, outcome]
 
-    assert [["arrived"], {"arrived": 1}, "done"] == served(place, comes_back)
+    assert [["arrived"], {"arrived": 1}, "done"] == serve(place, comes_back)
     rows = Recording(place.sessions()[0]).trials()
     assert [1, 1, 2] == sorted(rows["attempt"])
 
@@ -282,7 +282,7 @@ def test_each_group_takes_as_many_as_are_wanted_of_it_and_who_leaves_makes_room_
             await arrive(base, {})
         return outcomes
 
-    assert ["done"] * 4 == served(place, act)
+    assert ["done"] * 4 == serve(place, act)
     groups = [entry.group for entry in place.ledger.list()]
     assert ["a", "b", "a", "b", "b"] == groups  # the fifth takes over from the fourth
 
@@ -311,7 +311,7 @@ def test_visitors_who_never_consent_take_no_place_and_are_soon_taken_for_gone(
         outcome = await visit(await arrive(base, {}), place.visitor(), place.clock)
         return [outcome, (await reception.board())["counts"]]
 
-    assert ["done", {"left": 5, "complete": 1}] == served(place, act)
+    assert ["done", {"left": 5, "complete": 1}] == serve(place, act)
 
 
 def test_where_too_many_pages_are_open_people_wait_and_are_not_sent_away(
@@ -321,9 +321,9 @@ def test_where_too_many_pages_are_open_people_wait_and_are_not_sent_away(
 
     async def act(base: str, reception: Reception) -> Any:
         await arrive(base, {})
-        return await posted(base, "/api/arrive", {"parameters": {}})
+        return await post(base, "/api/arrive", {"parameters": {}})
 
-    assert "busy" == served(place, act)["refused"]
+    assert "busy" == serve(place, act)["refused"]
 
 
 def test_a_page_cannot_say_that_there_is_no_place(place: Place) -> None:
@@ -337,7 +337,7 @@ def test_a_page_cannot_say_that_there_is_no_place(place: Place) -> None:
             async with http.post("/api/events", json=body) as response:
                 return response.status, (await response.json())["refused"]
 
-    assert (400, "whether there is a place is not for a page to say") == served(place, act)
+    assert (400, "whether there is a place is not for a page to say") == serve(place, act)
 
 
 def is_behind_consent(step: PageStep) -> bool:
@@ -364,7 +364,7 @@ def test_the_board_tells_who_is_where_to_its_key_alone(place: Place) -> None:
             async with http.post("/api/board", json={}, headers=headers) as response:
                 return status, await response.json()
 
-    status, board = served(place, act)
+    status, board = serve(place, act)
     assert 400 == status
     assert board["is_simulated"]
     assert {"complete": 1, "stopped": 1} == board["counts"]
@@ -381,15 +381,15 @@ def test_a_page_that_is_heard_as_the_server_ends_opens_no_session_again(
     async def act(base: str, reception: Reception) -> None:
         key, close = (await arrive(base, {})).partition("#")[2], reception._close
 
-        async def closed_and_heard(opened: Any, status: Any, reason: str) -> None:
+        async def close_and_hear(opened: Any, status: Any, reason: str) -> None:
             await close(opened, status, reason)
             with contextlib.suppress(aiohttp.ClientError):
                 async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
                     await http.post("/api/hello", json={"tab": "t"})
 
-        monkeypatch.setattr(reception, "_close", closed_and_heard)
+        monkeypatch.setattr(reception, "_close", close_and_hear)
 
-    served(place, act)
+    serve(place, act)
     assert ["aborted"] == [p.status for p in Recording(place.sessions()[0]).manifest.parts]
 
 
@@ -403,9 +403,9 @@ def test_who_wanted_deletion_as_the_server_was_killed_is_deleted_by_the_next(
     async def nothing(base: str, _: Reception) -> None:
         return None
 
-    served(place, stops)
+    serve(place, stops)
     assert 1 == len(place.sessions())
-    served(place, nothing)
+    serve(place, nothing)
     assert [] == place.sessions()
     assert ["withdrawn"] == [entry.status for entry in place.ledger.list()]
 
@@ -418,21 +418,21 @@ def test_a_session_that_cannot_be_gone_on_with_is_refused_in_words(
         await visit(address, place.visitor(), place.clock, ends=lambda s: s.kind == "watch")
         return address.partition("#")[2]
 
-    key = served(place, leaves)
-    said: list[str] = []
+    key = serve(place, leaves)
+    messages: list[str] = []
 
     async def again(base: str, reception: Reception) -> tuple[int, str]:
-        monkeypatch.setattr(reception, "_say", said.append)
+        monkeypatch.setattr(reception, "_say", messages.append)
         path = place.sessions()[0] / "manifest.json"
         path.write_text(path.read_text("utf-8").replace('"seed"', '"sown"'), "utf-8")
         async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
             async with http.post("/api/hello", json={"tab": "t"}) as response:
                 return response.status, (await response.json())["refused"]
 
-    status, refused = served(place, again)
+    status, refused = serve(place, again)
     # Not 400, as of a key that nobody knows: a browser forgets that.
     assert (500, "this session cannot go on; please tell the researchers") == (status, refused)
-    assert 1 == len(said)
+    assert 1 == len(messages)
 
 
 @pytest.mark.parametrize("comes", ["for the first time", "again"])
@@ -444,7 +444,7 @@ def test_who_still_waits_to_be_let_in_keeps_no_server_from_ending(
     async def leaves(base: str, _: Reception) -> str:
         return (await arrive(base, {})).partition("#")[2]
 
-    key = served(place, leaves) if comes == "again" else ""
+    key = serve(place, leaves) if comes == "again" else ""
 
     async def ends() -> tuple[Any, Reception]:
         reception = place.reception()
@@ -466,9 +466,9 @@ def test_who_still_waits_to_be_let_in_keeps_no_server_from_ending(
         await serving
         return waiting.exception() or waiting.result(), reception
 
-    said, reception = asyncio.run(ends())
+    reply, reception = asyncio.run(ends())
     assert {} == reception._open
-    refused = said if comes == "again" else said["refused"]
+    refused = reply if comes == "again" else reply["refused"]
     assert "this session cannot go on; please tell the researchers" == str(refused) or (
         "busy" == refused
     )
@@ -481,7 +481,7 @@ def test_one_damaged_session_leaves_the_board_of_all_others(place: Place) -> Non
         (place.sessions()[0] / "manifest.json").write_text("{", "utf-8")
         return dict((await reception.board())["counts"])
 
-    assert {"damaged": 1, "arrived": 1} == served(place, act)
+    assert {"damaged": 1, "arrived": 1} == serve(place, act)
     place.reception()  # which begins with the damaged one, too
 
 
@@ -491,7 +491,7 @@ def test_a_key_that_no_header_can_hold_is_a_refusal(place: Place) -> None:
             async with http.post("/api/board", json={}, headers={KEY: "schlüssel"}) as response:
                 return response.status
 
-    assert 400 == served(place, act)
+    assert 400 == serve(place, act)
 
 
 @pytest.mark.parametrize(
@@ -516,7 +516,7 @@ def test_nothing_that_a_page_sends_ends_the_server(place: Place, event: dict[str
         await visit(f"{base}/#{key}", place.visitor(), place.clock)
         return [await visit(await arrive(base, {}), place.visitor(), place.clock)]
 
-    assert ["done"] == served(place, act)
+    assert ["done"] == serve(place, act)
     assert ["complete"] * 2 == [Recording(p).status for p in place.sessions()]
 
 
@@ -553,7 +553,7 @@ def test_the_secret_of_a_page_lies_with_no_data_and_is_the_same_of_another_serve
         await visit(address, place.visitor(), place.clock, ends=lambda s: s.kind == "watch")
         return address.partition("#")[2]
 
-    key = served(place, act)
+    key = serve(place, act)
     assert 64 == len(key)
     for path in place.lab.data_root.rglob("*"):
         assert not (path.is_file() and key.encode() in path.read_bytes()), path
@@ -561,7 +561,7 @@ def test_the_secret_of_a_page_lies_with_no_data_and_is_the_same_of_another_serve
     async def again(base: str, reception: Reception) -> bool:
         return await reception.session_of(key) is not None
 
-    assert served(place, again)
+    assert serve(place, again)
 
 
 def test_who_is_withdrawn_beside_the_server_is_ended_deleted_and_forgotten(place: Place) -> None:
@@ -579,7 +579,7 @@ def test_who_is_withdrawn_beside_the_server_is_ended_deleted_and_forgotten(place
         again = (await arrive(base, parameters)).partition("#")[2]
         return was_deleted, refused, again != key, (await reception.board())["counts"]
 
-    was_deleted, refused, is_another, counts = served(place, act)
+    was_deleted, refused, is_another, counts = serve(place, act)
     assert was_deleted
     assert "this address leads to no session; ask for a new one" == refused
     assert is_another
@@ -598,7 +598,7 @@ def test_who_left_and_is_withdrawn_beside_the_server_makes_room(tmp_path: Path) 
         place.ledger.withdraw(entry.label, [place.folder])
         return await arrive(base, {})
 
-    assert "#" in served(place, act)
+    assert "#" in serve(place, act)
     assert 1 == len(place.sessions())
 
 
@@ -611,28 +611,28 @@ def test_who_comes_again_to_a_session_that_is_over_is_told_so_and_nothing_is_add
         await visit(address, place.visitor(stop), place.clock)
         return address.partition("#")[2]
 
-    key = served(place, whole)
+    key = serve(place, whole)
     (session,) = place.sessions()
     before = {p: p.read_bytes() for p in session.rglob("*") if p.is_file()}
 
     async def again(base: str, _: Reception) -> list[Any]:
-        hello = await posted(base, "/api/hello", {"tab": "t"}, key)
-        events = await posted(base, "/api/events", {"tab": "t", "events": []}, key)
+        hello = await post(base, "/api/hello", {"tab": "t"}, key)
+        events = await post(base, "/api/events", {"tab": "t", "events": []}, key)
         return [hello["step"], hello["title"], events["step"]]
 
     end = {"kind": "end", "outcome": outcome}
-    assert [end, experiment().study.title, end] == served(place, again)
+    assert [end, experiment().study.title, end] == serve(place, again)
     assert before == {p: p.read_bytes() for p in session.rglob("*") if p.is_file()}
 
 
 def test_a_page_has_a_title_of_its_own_and_names_whom_to_ask() -> None:
     gestures = StudyExperiment(interpolation, {"language": "fr"})
 
-    assert ("Des gestes filmés", "Dr. Who, 42") == told_of(gestures, "Dr. Who, 42")
-    assert (study().title, "") == told_of(experiment(), "")
+    assert ("Des gestes filmés", "Dr. Who, 42") == information_of(gestures, "Dr. Who, 42")
+    assert (study().title, "") == information_of(experiment(), "")
 
 
-def told_of(shown: StudyExperiment, contact: str) -> tuple[str, str]:
+def information_of(shown: StudyExperiment, contact: str) -> tuple[str, str]:
     about = about_of(shown, True, contact)
     return about["title"], about["contact"]
 
@@ -642,12 +642,12 @@ def test_an_identifier_that_others_could_guess_brings_back_in_the_same_browser_a
 ) -> None:
     async def act(base: str, _: Reception) -> list[Any]:
         body = {"parameters": {"survey_code": "12345"}}
-        key = (await posted(base, "/api/arrive", body))["key"]
-        other = await posted(base, "/api/arrive", body)
-        same = await posted(base, "/api/arrive", {**body, "before": key})
+        key = (await post(base, "/api/arrive", body))["key"]
+        other = await post(base, "/api/arrive", body)
+        same = await post(base, "/api/arrive", {**body, "before": key})
         return [other["refused"], same["key"] == key]
 
-    assert ["begun", True] == served(place, act)
+    assert ["begun", True] == serve(place, act)
     assert 1 == len(place.sessions())
 
 
@@ -655,13 +655,13 @@ def test_a_link_to_somebody_of_the_ledger_gives_them_their_own_place(place: Plac
     first, second = place.ledger.add(), place.ledger.add()
 
     async def act(base: str, _: Reception) -> list[Any]:
-        key = (await posted(base, "/api/arrive", {"parameters": {"participant": "02"}}))["key"]
+        key = (await post(base, "/api/arrive", {"parameters": {"participant": "02"}}))["key"]
         again = {"parameters": {"participant": second.label}, "before": key}
-        same = (await posted(base, "/api/arrive", again))["key"]
-        await posted(base, "/api/arrive", {"parameters": {"participant": "77"}})
+        same = (await post(base, "/api/arrive", again))["key"]
+        await post(base, "/api/arrive", {"parameters": {"participant": "77"}})
         return [key == same]
 
-    assert [True] == served(place, act)
+    assert [True] == serve(place, act)
     third = place.ledger.list()[2]
     assert [second.label, third.label] == [p.parent.name[4:] for p in place.sessions()]
     assert first.index == 0
@@ -671,9 +671,9 @@ def test_a_link_to_somebody_of_the_ledger_gives_them_their_own_place(place: Plac
 @pytest.mark.parametrize("key", ["parameters", "told"])  # a page loaded from 0.2 says `told`
 def test_a_placeholder_that_no_panel_filled_is_refused_in_words(place: Place, key: str) -> None:
     async def act(base: str, reception: Reception) -> dict[str, Any]:
-        return await posted(base, "/api/arrive", {key: {"PROLIFIC_PID": "{{%PROLIFIC_PID%}}"}})
+        return await post(base, "/api/arrive", {key: {"PROLIFIC_PID": "{{%PROLIFIC_PID%}}"}})
 
-    assert "address" == served(place, act)["refused"]
+    assert "address" == serve(place, act)["refused"]
     assert [] == place.sessions()
 
 
@@ -687,8 +687,8 @@ def test_a_stranger_writes_no_line_of_their_own_to_whoever_serves(
 
     async def act(base: str, reception: Reception) -> dict[str, Any]:
         forged = {"PROLIFIC_PID": "a\r\n\x1b[1AFor you alone\x9b2K\u2028http://elsewhere"}
-        return await posted(base, "/api/arrive", {"parameters": forged})
+        return await post(base, "/api/arrive", {"parameters": forged})
 
-    assert "address" == served(place, act)["refused"]
+    assert "address" == serve(place, act)["refused"]
     (line,) = lines
     assert line.isprintable()  # nor does the terminal take it for a command

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from tests.running.page.pages import Page, begun, gone_on, study
-from tests.running.page.served_places import Place, served
+from tests.running.page.pages import Page, begin_session, go_on_with, study
+from tests.running.page.served_places import Place, serve
 from visavis.analysis.session_check import check_session
 from visavis.lab.errors import DesignError
 from visavis.recording.reader import Recording
@@ -19,7 +19,7 @@ from visavis.running.page.reception import Reception, Rules
 from visavis.study.returning import Resumes, Returning
 
 
-def shown(page: Page) -> dict[str, Any]:
+def step_of(page: Page) -> dict[str, Any]:
     step: dict[str, Any] = page.desk.state()["step"]
     return step
 
@@ -27,9 +27,9 @@ def shown(page: Page) -> dict[str, Any]:
 def whole(root: Path) -> list[dict[str, Any]]:
     """Return every step of a visit from its beginning to its end."""
     steps = []
-    with begun(root, "S99") as (page, _):
+    with begin_session(root, "S99") as (page, _):
         while not page.desk.is_over:
-            steps.append(shown(page))
+            steps.append(step_of(page))
             page.answer()
         page.desk.recorder.close("complete")
     return steps
@@ -58,18 +58,18 @@ def test_visit_goes_on_at_its_checkpoint_and_what_was_done_before_stays(
 ) -> None:
     steps = whole(tmp_path)
     for cut in range(1, len(steps)):
-        with begun(tmp_path, f"S{cut:02d}") as (page, path):
+        with begin_session(tmp_path, f"S{cut:02d}") as (page, path):
             for _ in range(cut):
                 page.answer()
         before = Recording(path)
-        with gone_on(path, checkpoint) as page:
+        with go_on_with(path, checkpoint) as page:
             first = first_of(steps, cut, checkpoint)
-            assert steps[first] == shown(page), cut
+            assert steps[first] == step_of(page), cut
             page.answer()
         # Cut once more, and gone on where it is: what was gone back behind is gone back behind.
-        with gone_on(path) as page:
+        with go_on_with(path) as page:
             if first + 1 < len(steps):
-                assert steps[first + 1] == shown(page), cut
+                assert steps[first + 1] == step_of(page), cut
             page.answer_all()
             page.desk.recorder.close("complete")
         after = Recording(path)
@@ -91,7 +91,7 @@ def test_visit_goes_on_at_its_checkpoint_and_what_was_done_before_stays(
         assert 1 <= n_complete <= 2
 
 
-def visited(tmp_path: Path, policy: Returning, age_h: float) -> tuple[str, Place]:
+def come_again(tmp_path: Path, policy: Returning, age_h: float) -> tuple[str, Place]:
     """Leave a visit in its second trial, come back after some hours; return how that ended."""
     place = Place(tmp_path, Rules())
     panel = {"PROLIFIC_PID": "5f3a9c8d2b1e4a7f6c0d9e8b"}
@@ -106,11 +106,11 @@ def visited(tmp_path: Path, policy: Returning, age_h: float) -> tuple[str, Place
         at = await arrive(base, panel)
         return await visit(at, place.visitor(), place.clock)
 
-    served(place, leave)
+    serve(place, leave)
     begun_iso = Recording(place.sessions()[0]).manifest.created_wall_iso
     later = (datetime.fromisoformat(begun_iso) + timedelta(hours=age_h)).isoformat()
     place.clock.wall_iso = lambda: later  # type: ignore[method-assign]  # a later day
-    return served(place, come_back), place
+    return serve(place, come_back), place
 
 
 @pytest.mark.parametrize(
@@ -127,9 +127,9 @@ def visited(tmp_path: Path, policy: Returning, age_h: float) -> tuple[str, Place
 def test_begun_visit_is_refused_started_anew_or_continued_by_its_age(
     policy: Returning, age_h: float, outcome: str, n_again: int, tmp_path: Path
 ) -> None:
-    said, place = visited(tmp_path, policy, age_h)
+    ending, place = come_again(tmp_path, policy, age_h)
     recording = Recording(place.sessions()[0])
-    assert (outcome, 1) == (said, len(place.sessions()))
+    assert (outcome, 1) == (ending, len(place.sessions()))
     rows = recording.trials()
     assert n_again == (rows["attempt"] > 1).sum()
     if outcome == "expired":

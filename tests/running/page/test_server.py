@@ -11,7 +11,7 @@ from typing import Any
 import aiohttp
 import pytest
 
-from tests.running.page.pages import TAB, Page, begun
+from tests.running.page.pages import TAB, Page, begin_session
 from visavis.cli import viewer
 from visavis.lab.errors import RecordingError
 from visavis.running.page.server import (
@@ -29,13 +29,13 @@ MAX_PAGE_BYTES = 300_000
 MAX_FIGURE_BYTES = 60_000
 
 
-def served(
+def serve(
     root: Path, ask: Callable[[aiohttp.ClientSession, Page, PageServer], Awaitable[Any]]
 ) -> Any:
     """Serve a session, and ask."""
 
-    async def asked() -> Any:
-        with begun(root) as (page, _):
+    async def act() -> Any:
+        with begin_session(root) as (page, _):
             server = PageServer()
             await server.start()
             try:
@@ -45,7 +45,7 @@ def served(
             finally:
                 await server.stop()
 
-    return asyncio.run(asked())
+    return asyncio.run(act())
 
 
 def test_the_whole_page_is_small_and_asks_nobody_else() -> None:
@@ -79,7 +79,7 @@ def test_without_the_key_nothing_is_told(tmp_path: Path) -> None:
                 found.append(response.status)
         return found
 
-    assert [400] * 5 == served(tmp_path, ask)
+    assert [400] * 5 == serve(tmp_path, ask)
 
 
 def test_under_another_name_it_does_not_answer(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_under_another_name_it_does_not_answer(tmp_path: Path) -> None:
         async with http.get("/", headers={"Host": "elsewhere.example"}) as response:
             return response.status
 
-    assert 403 == served(tmp_path, ask)
+    assert 403 == serve(tmp_path, ask)
 
 
 STRANGERS: dict[str, dict[str, str]] = {
@@ -119,7 +119,7 @@ def test_a_page_of_another_site_cannot_post(
         async with http.post(path, data=body, headers=headers) as response:
             return response.status
 
-    assert served(tmp_path, ask) in (403, 415)
+    assert serve(tmp_path, ask) in (403, 415)
 
 
 def test_a_page_behind_a_proxy_may_post_under_the_name_it_is_served_under(tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ def test_a_page_behind_a_proxy_may_post_under_the_name_it_is_served_under(tmp_pa
         async with http.post("/api/events", json=body, headers=headers) as response:
             return response.status
 
-    assert 200 == served(tmp_path, ask)
+    assert 200 == serve(tmp_path, ask)
 
 
 def test_every_refusal_is_json_under_the_same_headers(tmp_path: Path) -> None:
@@ -150,7 +150,7 @@ def test_every_refusal_is_json_under_the_same_headers(tmp_path: Path) -> None:
                 found.append(response.status)
         return found
 
-    assert [404, 405, 413, 400] == served(tmp_path, ask)
+    assert [404, 405, 413, 400] == serve(tmp_path, ask)
 
 
 def test_half_a_character_in_an_answer_loses_neither_it_nor_what_follows(tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_half_a_character_in_an_answer_loses_neither_it_nor_what_follows(tmp_pat
         ) as response:
             return [response.status, (await response.json())["ack"]]
 
-    assert [200, 2] == served(tmp_path, ask)
+    assert [200, 2] == serve(tmp_path, ask)
 
 
 def test_a_time_that_no_clock_shows_is_refused_before_it_is_recorded(tmp_path: Path) -> None:
@@ -176,11 +176,11 @@ def test_a_time_that_no_clock_shows_is_refused_before_it_is_recorded(tmp_path: P
                 found.append(response.status)
         return found
 
-    assert [400, 200] == served(tmp_path, ask)
+    assert [400, 200] == serve(tmp_path, ask)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "text"),
     [
         ({"at_ms": 9.9e14}, "at_ms is 990000000000000"),
         ({"kind": "unheard"}, "no event 'unheard'"),
@@ -191,7 +191,7 @@ def test_a_time_that_no_clock_shows_is_refused_before_it_is_recorded(tmp_path: P
     ],
 )
 def test_an_event_that_cannot_be_is_named_and_those_before_and_behind_it_are_taken(
-    tmp_path: Path, change: dict[str, Any], said: str
+    tmp_path: Path, change: dict[str, Any], text: str
 ) -> None:
     async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> list[Any]:
         http.headers[KEY] = "key"
@@ -204,9 +204,9 @@ def test_an_event_that_cannot_be_is_named_and_those_before_and_behind_it_are_tak
         async with http.post("/api/events", json=body) as response:
             return [refusal["event"], refusal["refused"], (await response.json())["ack"]]
 
-    event, refused, ack = served(tmp_path, ask)
+    event, refused, ack = serve(tmp_path, ask)
     assert (2, 2) == (event, ack)
-    assert said in refused
+    assert text in refused
 
 
 def test_a_failure_of_ours_is_json_under_the_same_headers_and_prints_no_address(
@@ -223,7 +223,7 @@ def test_a_failure_of_ours_is_json_under_the_same_headers_and_prints_no_address(
             assert "it failed" == (await response.json())["refused"]
             return response.status
 
-    assert 500 == served(tmp_path, ask)
+    assert 500 == serve(tmp_path, ask)
     assert "127.0.0.1" not in caplog.text
 
 
@@ -237,7 +237,7 @@ def test_broken_http_prints_nobodys_address(
         writer.close()
         return answer
 
-    answer: bytes = served(tmp_path, ask)
+    answer: bytes = serve(tmp_path, ask)
     assert b" 400 " in answer.splitlines()[0]
     assert b"Server: Visavis\r\n" in answer
     assert "127.0.0.1" not in caplog.text + capsys.readouterr().err
@@ -249,7 +249,7 @@ def test_pages_may_load_from_nobody_but_their_server(tmp_path: Path) -> None:
             assert 200 == response.status
             return response.headers["Content-Security-Policy"]
 
-    policy = served(tmp_path, ask)
+    policy = serve(tmp_path, ask)
     assert "default-src 'none'" in policy
     assert "http" not in policy
 
@@ -258,13 +258,13 @@ def test_steps_and_acknowledgements_come_back_over_http(tmp_path: Path) -> None:
     async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> list[Any]:
         http.headers[KEY] = "key"
         found = []
-        asked: list[dict[str, Any]] = [
+        bodies: list[dict[str, Any]] = [
             {"tab": "one", "events": [page.event()]},
             {"tab": "two", "events": []},
             {"tab": "one", "events": [{"n": 9}]},
             {"tab": "one", "events": "none"},
         ]
-        for body in asked:
+        for body in bodies:
             async with http.post("/api/events", json=body) as response:
                 found.append((response.status, (await response.json()).get("ack")))
         for data in (b"no json", b"[" * 100_000):
@@ -272,7 +272,7 @@ def test_steps_and_acknowledgements_come_back_over_http(tmp_path: Path) -> None:
                 found.append((response.status, None))
         return found
 
-    assert [(200, 1), (409, None), *[(400, None)] * 4] == served(tmp_path, ask)
+    assert [(200, 1), (409, None), *[(400, None)] * 4] == serve(tmp_path, ask)
 
 
 def test_a_post_that_is_too_long_is_refused_as_json_with_how_much_is_taken(tmp_path: Path) -> None:
@@ -282,7 +282,7 @@ def test_a_post_that_is_too_long_is_refused_as_json_with_how_much_is_taken(tmp_p
         async with http.post("/api/events", data=body) as response:
             return response.status, await response.json()
 
-    status, answer = served(tmp_path, ask)
+    status, answer = serve(tmp_path, ask)
     assert (413, POST_BYTES) == (status, answer["max_bytes"])
     assert f"at most {MAX_REQUEST_BYTES} bytes" in answer["refused"]
 
@@ -293,10 +293,10 @@ def test_a_recording_that_fails_is_told_and_nothing_is_acknowledged(tmp_path: Pa
         sent = page.event()
         page.desk.recorder.close("aborted")
         async with http.post("/api/events", json={"tab": "one", "events": [sent]}) as response:
-            told: dict[str, Any] = await response.json()
-            return told
+            state: dict[str, Any] = await response.json()
+            return state
 
-    assert -1 == served(tmp_path, ask)["ack"]
+    assert -1 == serve(tmp_path, ask)["ack"]
 
 
 def test_a_session_that_is_over_already_is_not_waited_for(tmp_path: Path) -> None:
@@ -306,7 +306,7 @@ def test_a_session_that_is_over_already_is_not_waited_for(tmp_path: Path) -> Non
         server.add(session)
         return session.over.is_set()
 
-    assert served(tmp_path, ask)
+    assert serve(tmp_path, ask)
 
 
 def test_a_port_that_is_taken_is_told_with_the_way_out(tmp_path: Path) -> None:
@@ -315,7 +315,7 @@ def test_a_port_that_is_taken_is_told_with_the_way_out(tmp_path: Path) -> None:
         with pytest.raises(Exception, match=f"cannot listen at 127.0.0.1:{server.port}"):
             await other.start(port=server.port)
 
-    served(tmp_path, ask)
+    serve(tmp_path, ask)
 
 
 @pytest.mark.parametrize("is_closed", [False, True])
@@ -332,7 +332,7 @@ def test_a_session_whose_recording_failed_acknowledges_nothing_more(
 
         body = {"tab": TAB, "events": [page.event()]}
         checkpoint = page.desk.recorder.checkpoint
-        said = []
+        replies = []
         for path, write in (
             ("/api/events", fail),
             ("/api/events", checkpoint),
@@ -340,13 +340,13 @@ def test_a_session_whose_recording_failed_acknowledges_nothing_more(
         ):
             monkeypatch.setattr(page.desk.recorder, "checkpoint", write)
             async with http.post(path, json=body, headers={KEY: "key"}) as response:
-                said.append(await response.json())
+                replies.append(await response.json())
             if is_closed:  # as its reception does meanwhile
                 server._sessions["key"].closed.set()
-        return said
+        return replies
 
     failure = {"failed": "the recording failed", "ack": -1}
-    assert [failure, failure, {"words": {}, **failure}] == served(tmp_path, ask)
+    assert [failure, failure, {"words": {}, **failure}] == serve(tmp_path, ask)
 
 
 def test_a_connection_that_is_lost_in_the_middle_of_a_post_prints_nothing(
@@ -361,5 +361,5 @@ def test_a_connection_that_is_lost_in_the_middle_of_a_post_prints_nothing(
             assert 200 == response.status  # what came before has been read
         writer.transport.abort()
 
-    served(tmp_path, ask)  # waits for every handler
+    serve(tmp_path, ask)  # waits for every handler
     assert "" == caplog.text

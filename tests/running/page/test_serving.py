@@ -48,15 +48,15 @@ def post(base: str, path: str, body: dict[str, Any], key: str = "") -> dict[str,
         f"{base}{path}", json.dumps(body).encode(), {KEY: key, "Content-Type": "application/json"}
     )
     with urllib.request.urlopen(request) as response:  # noqa: S310  # as above
-        told: dict[str, Any] = json.load(response)
-    return told
+        state: dict[str, Any] = json.load(response)
+    return state
 
 
-def answered(base: str, key: str, steps: int) -> dict[str, Any]:
+def answer_steps(base: str, key: str, steps: int) -> dict[str, Any]:
     """Answer so many steps; return what the page is told then."""
-    told = post(base, "/api/hello", {"tab": "t", "at_ms": 0.0, "about": {}}, key)
+    state = post(base, "/api/hello", {"tab": "t", "at_ms": 0.0, "about": {}}, key)
     for _ in range(steps):
-        step = told["step"]
+        step = state["step"]
         if step["kind"] == "end":
             break
         given = {"option": "5", "at_ms": 0.0, "by": "keys"}
@@ -72,14 +72,14 @@ def answered(base: str, key: str, steps: int) -> dict[str, Any]:
             else {}
         )
         event = {
-            "n": told["ack"] + 1,
+            "n": state["ack"] + 1,
             "kind": "reply",
             "at_ms": 0.0,
-            "step": told["number"],
+            "step": state["number"],
             "reply": reply,
         }
-        told = post(base, "/api/events", {"tab": "t", "events": [event]}, key)
-    return told
+        state = post(base, "/api/events", {"tab": "t", "events": [event]}, key)
+    return state
 
 
 def test_a_killed_server_goes_on_at_the_same_step(tmp_path: Path) -> None:
@@ -88,14 +88,14 @@ def test_a_killed_server_goes_on_at_the_same_step(tmp_path: Path) -> None:
     server, base = start_server(tmp_path)
     try:
         key = post(base, "/api/arrive", {"parameters": {}})["key"]
-        before = answered(base, key, 3)
+        before = answer_steps(base, key, 3)
     finally:
         server.kill()
         server.communicate()
     server, base = start_server(tmp_path, base.rpartition(":")[2])
     try:
-        assert before == {k: v for k, v in answered(base, key, 0).items() if k in before}
-        assert {"kind": "end", "outcome": "done"} == answered(base, key, 99)["step"]
+        assert before == {k: v for k, v in answer_steps(base, key, 0).items() if k in before}
+        assert {"kind": "end", "outcome": "done"} == answer_steps(base, key, 99)["step"]
     finally:
         server.send_signal(signal.SIGINT)
         server.communicate(timeout=60)
@@ -115,7 +115,7 @@ def test_who_began_goes_on_where_a_study_now_needs_what_no_page_has_and_nobody_n
     server, base = start_server(tmp_path)
     try:
         key = post(base, "/api/arrive", {"parameters": {}})["key"]
-        answered(base, key, 3)
+        answer_steps(base, key, 3)
     finally:
         server.kill()
         server.communicate()
@@ -123,7 +123,7 @@ def test_who_began_goes_on_where_a_study_now_needs_what_no_page_has_and_nobody_n
     server, base = start_server(tmp_path)
     try:
         assert "failed" == post(base, "/api/arrive", {"parameters": {}})["refused"]
-        assert {"kind": "end", "outcome": "done"} == answered(base, key, 99)["step"]
+        assert {"kind": "end", "outcome": "done"} == answer_steps(base, key, 99)["step"]
     finally:
         server.send_signal(signal.SIGINT)
         server.communicate(timeout=60)
@@ -132,14 +132,14 @@ def test_who_began_goes_on_where_a_study_now_needs_what_no_page_has_and_nobody_n
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "refusal"),
     [(("--host", "0.0.0.0"), "--public"), (("--public", "https://a.example/x"), "root")],  # noqa: S104  # refused
 )
 def test_an_address_at_which_nobody_could_come_is_refused(
-    tmp_path: Path, given: tuple[str, str], said: str
+    tmp_path: Path, given: tuple[str, str], refusal: str
 ) -> None:
     (tmp_path / "many.py").write_text(STUDY, "utf-8")
     arguments = ["serve", "./many.py", "--devices", "sim", *given]
     process = COMMANDS.run(*COMMAND, *arguments, cwd=tmp_path, timeout=60)
     assert 0 != process.returncode
-    assert said in process.stdout + process.stderr
+    assert refusal in process.stdout + process.stderr

@@ -124,10 +124,10 @@ def answer(page: Any) -> None:
         page.wait_for_timeout(50)
 
 
-def recorded(server: Server) -> Recording:
-    said = server.end()
+def recording_of(server: Server) -> Recording:
+    output = server.end()
     recording = Recording(server.root / "data/simulated/heard/sub-S01B/ses-001")
-    assert "complete" == recording.status, said
+    assert "complete" == recording.status, output
     return recording
 
 
@@ -161,12 +161,12 @@ def test_a_page_plays_every_sample_and_says_when(server: Server, page: Any) -> N
     answer(page)
     go_on(page, "() => document.getElementById('main').innerText.includes('Thank you')")
     blocks = page.evaluate(BLOCKS)
-    recording = recorded(server)
-    rows, said = recording.trials(), replies(recording)
+    recording = recording_of(server)
+    rows, answers = recording.trials(), replies(recording)
     offsets_ms = [block["offset_ms"] for block in blocks]
     hum = at_ear(read_sound(server.root / "hum.wav"), "left")
     start = 0
-    for row, reply in zip(rows.to_dict("records"), said, strict=True):
+    for row, reply in zip(rows.to_dict("records"), answers, strict=True):
         tone = Tone(row["pitch"], seconds=0.2)
         waveform = tone_waveform(tone)
         loud = Waveform(
@@ -198,6 +198,6 @@ def test_a_sound_that_the_browser_stops_is_flagged_and_begins_again(
     page.reload()  # a page that was loaded anew asks for a gesture, where its browser wants one
     answer(page)
     go_on(page, "() => document.getElementById('main').innerText.includes('Thank you')")
-    rows = recorded(server).trials()
+    rows = recording_of(server).trials()
     assert [True, False] == [SOUND_FLAG in flags for flags in rows["flags"]]
     assert rows["hum_sound_on_ns"].notna().all()

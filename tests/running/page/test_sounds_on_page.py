@@ -150,12 +150,12 @@ def test_a_trial_whose_sound_broke_off_is_flagged_though_it_was_heard_again(
     once: list[int] = []
     reply = Visitor.reply
 
-    def broken(self: Visitor, step: PageStep) -> dict[str, Any]:
+    def fail_once(self: Visitor, step: PageStep) -> dict[str, Any]:
         first = step.kind == "show" and not once
         once.extend([1] if first else [])
         return reply(self, step) | ({"sound_breaks": 1} if first else {})
 
-    monkeypatch.setattr(Visitor, "reply", broken)
+    monkeypatch.setattr(Visitor, "reply", fail_once)
     rows = Recording(perform_new(request(tmp_path))).trials()
     assert [True, False] == [SOUND_FLAG in flags for flags in rows["flags"].fillna("")]
 

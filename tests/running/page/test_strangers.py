@@ -9,8 +9,8 @@ import aiohttp
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.running.page.pages import begun
-from tests.running.page.served_places import Place, served
+from tests.running.page.pages import begin_session
+from tests.running.page.served_places import Place, serve
 from visavis.running.page.client import arrive
 from visavis.running.page.reception import Reception, Rules
 from visavis.running.page.server import HEADERS, KEY, PageServer, PageSession
@@ -53,7 +53,7 @@ def test_nothing_that_another_site_sends_changes_anything(tmp_path: Path) -> Non
                                         done.append(f"{method} {path} {headers}")
         return tried, done
 
-    tried, done = served(place, act)
+    tried, done = serve(place, act)
     assert (len(METHODS) * len(CONTENT_TYPES) * len(ORIGINS) * len(SITES) * 5, []) == (tried, done)
     assert 1 == len(place.sessions())
 
@@ -101,8 +101,8 @@ PATHS = ("hello", "events", "leave")
 def test_whatever_is_posted_gets_an_answer_and_the_session_goes_on(
     bodies: list[tuple[str, dict[str, Any]]], tmp_path_factory: Any
 ) -> None:
-    async def asked() -> list[int]:
-        with begun(tmp_path_factory.mktemp("posted")) as (page, _):
+    async def ask() -> list[int]:
+        with begin_session(tmp_path_factory.mktemp("posted")) as (page, _):
             server = PageServer()
             session = PageSession(page.desk, {"words": {}})
             await server.start()
@@ -121,6 +121,6 @@ def test_whatever_is_posted_gets_an_answer_and_the_session_goes_on(
             assert [] == session.failures
             return statuses
 
-    statuses = asyncio.run(asked())
+    statuses = asyncio.run(ask())
     assert 200 == statuses[-1]
     assert {*statuses} <= {200, 400, 409}

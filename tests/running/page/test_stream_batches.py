@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.running.page.headsets.batches import FRAME_MS, POSE, batch, head_rows
-from tests.running.page.pages import TAB, Page, begun, gone_on
+from tests.running.page.pages import TAB, Page, begin_session, go_on_with
 from tests.running.page.test_page_clock import Network, at_a_film, beats
 from visavis.analysis.session_check import check_session
 from visavis.analysis.session_verdict import Level
@@ -82,7 +82,7 @@ def test_what_no_headset_measures_is_refused_and_says_why(why: str, event: dict[
 
 
 def test_a_batch_that_is_set_aside_leaves_the_others_their_way(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         in_headset(page)
         wrong = batch([(0.0, *POSE, 0.5)], seq0=10)
         with pytest.raises(BadEventError, match="valid is 1") as caught:
@@ -94,7 +94,7 @@ def test_a_batch_that_is_set_aside_leaves_the_others_their_way(tmp_path: Path) -
 
 
 def test_nothing_of_a_headset_is_taken_where_none_can_be_entered(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         page.desk.headset_streams = ("head",)
         with pytest.raises(BadEventError, match="nobody entered"):
             send(page, batch(head_rows(1)))  # before consent
@@ -109,7 +109,7 @@ def test_nothing_of_a_headset_is_taken_where_none_can_be_entered(tmp_path: Path)
 
 def test_every_stream_lands_as_the_lab_s_with_what_is_unknown_named(tmp_path: Path) -> None:
     hand = [v for _ in range(50) for v in (*POSE, 1.0)]
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         in_headset(page)
         send(
             page,
@@ -146,7 +146,7 @@ def test_every_stream_lands_as_the_lab_s_with_what_is_unknown_named(tmp_path: Pa
 
 def test_rows_are_dated_by_the_page_s_clock_and_not_by_their_arrival(tmp_path: Path) -> None:
     network = Network(20.0)
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         in_headset(page)
         beats(page, network, 1800.0)
         seen_s = page.clock.now_ns() / NS_PER_S
@@ -166,7 +166,7 @@ def test_rows_are_dated_by_the_page_s_clock_and_not_by_their_arrival(tmp_path: P
 
 
 def test_what_waited_in_the_store_is_dated_by_the_clock_of_its_own_page(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         in_headset(page)
         sent = {"n": page.desk.last_event_number + 1, "kind": "visibility", "is_visible": True}
         page.desk.take(TAB, [{**sent, "at_ms": 60_000.0}])
@@ -182,7 +182,7 @@ def test_what_waited_in_the_store_is_dated_by_the_clock_of_its_own_page(tmp_path
 
 
 def test_a_hole_in_the_numbers_flags_the_trial_and_numbers_never_go_back(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         in_headset(page)
         send(page, batch(head_rows(10), seq0=7), batch(head_rows(5), seq0=30, t0_ms=5300.0))
         with pytest.raises(BadEventError, match="row 20 came after 34"):
@@ -197,7 +197,7 @@ def test_a_hole_in_the_numbers_flags_the_trial_and_numbers_never_go_back(tmp_pat
 
 
 def test_what_happens_around_a_headset_flags_the_trial(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         in_headset(page)
         for what in ("off", "on", "reset"):
             send(page, {"kind": "xr", "at_ms": 1.0, "what": what, "detail": ""})
@@ -210,7 +210,7 @@ def test_what_happens_around_a_headset_flags_the_trial(tmp_path: Path) -> None:
 
 
 def test_a_trial_whose_headset_was_left_and_entered_again_was_seen_in_both(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         in_headset(page)
         page.desk.notes.place = "headset"
         page.desk.notes.begin()
@@ -232,9 +232,9 @@ def write_rows_unknown_to_the_journal(page: Page) -> None:
 
 
 def test_a_killed_server_loses_and_doubles_no_row(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         write_rows_unknown_to_the_journal(page)
-    with gone_on(path) as page:
+    with go_on_with(path) as page:
         page.desk.headset_streams = ("head",)
         assert {"head": 20} == page.desk.next_rows
         send(page, batch(head_rows(15), seq0=10, t0_ms=5200.0))
@@ -247,10 +247,10 @@ def test_a_killed_server_loses_and_doubles_no_row(tmp_path: Path) -> None:
 def test_what_waited_while_a_server_began_anew_has_the_times_at_which_it_was_measured(
     tmp_path: Path, says_hello: bool
 ) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         in_headset(page)
     away_s = 5.0
-    with gone_on(path, says_hello=False) as page:
+    with go_on_with(path, says_hello=False) as page:
         page.desk.headset_streams = ("head", "frame_timing")
         page.clock.sleep_until_ns(2 * NS_PER_S)
         now_ms = 60_000.0  # of the page, when its post leaves
@@ -272,9 +272,9 @@ def test_what_waited_while_a_server_began_anew_has_the_times_at_which_it_was_mea
 
 
 def test_whoever_goes_on_behind_rows_that_are_on_the_disk_has_lost_none(tmp_path: Path) -> None:
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         write_rows_unknown_to_the_journal(page)
-    with gone_on(path) as page:  # by a page without a store, which numbers as it is told
+    with go_on_with(path) as page:  # by a page without a store, which numbers as it is told
         page.desk.headset_streams = ("head",)
         send(page, batch(head_rows(5), seq0=page.desk.next_rows["head"], t0_ms=5400.0))
         assert LOST_FLAG not in page.desk.notes.all
@@ -291,7 +291,7 @@ def test_ten_minutes_of_backlog_in_one_post_wait_for_the_disk_and_do_not_blame_i
         for seq0 in range(0, total, MAX_ROWS)
     ]
     waiting: list[int] = []
-    with begun(tmp_path) as (page, path):
+    with begin_session(tmp_path) as (page, path):
         in_headset(page)
         recorder = page.desk.recorder
         write, checkpoint = recorder.append, recorder.checkpoint

@@ -80,7 +80,7 @@ def test_a_page_shows_a_film_in_step_and_says_when(server: Server, browser: Any)
             elif state_of(page)["kind"] != "flat":
                 step_on(page)
         page.wait_for_timeout(30)
-    said = server.end()
+    output = server.end()
     assert [] == problems
     assert any(one["number"] for one in seen)
     for one in seen:
@@ -88,7 +88,7 @@ def test_a_page_shows_a_film_in_step_and_says_when(server: Server, browser: Any)
         assert pytest.approx(320 / 180, abs=0.02) == one["box"]["width"] / one["box"]["height"]
         assert one["muted"]  # its sound is played by the audio clock
     recording = Recording(server.root / "data/simulated/shown/sub-S01B/ses-001")
-    assert "complete" == recording.status, said
+    assert "complete" == recording.status, output
     rows = recording.trials()
     assert {"complete"} == set(rows["status"])
     assert (rows["film_film_pictures"] >= 1).all()

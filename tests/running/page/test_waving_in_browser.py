@@ -37,7 +37,7 @@ def keep_waves(root: Path) -> None:
     shutil.copytree(made, root / "cache" / "visavis" / "waving")
 
 
-def begun(server: Server, browser: Any, which: str) -> tuple[Any, list[str]]:
+def begin(server: Server, browser: Any, which: str) -> tuple[Any, list[str]]:
     """Return the page of a short session before a headset."""
     keep_waves(server.root)
     given = [f"--set={name}={value}" for name, value in SMALL.items()]
@@ -49,7 +49,7 @@ def begun(server: Server, browser: Any, which: str) -> tuple[Any, list[str]]:
 def test_waving_runs_from_consent_to_thanks_in_a_headset(
     which: str, server: Server, browser: Any
 ) -> None:
-    page, problems = begun(server, browser, which)
+    page, problems = begin(server, browser, which)
     page.locator("#main button:not(.quiet):not([disabled])").click()
     say_how_one_feels(page)
     path = session_dir(server.root / "data", "waving_page", "S01B", 1, is_simulated=True)
@@ -69,10 +69,10 @@ def test_waving_runs_from_consent_to_thanks_in_a_headset(
     press(page, "Leave VR")  # what is typed is for the flat page
     wait(page, "() => !worn.isPresenting()")
     until(page, "Thank you")
-    said = server.end()
+    output = server.end()
     recording = Recording(path)
     rows = recording.trials()
-    assert ["complete"] * count[1] == list(rows["status"]), said
+    assert ["complete"] * count[1] == list(rows["status"]), output
     places = ["place_1", "place_2", "place_3", "place_4", "place_5"]
     assert [places[i % 5] for i in range(count[1])] == list(rows["who"])
     assert [1 + i for i in range(count[1])] == list(rows["realism"])
@@ -103,10 +103,10 @@ def go_to_figures(page: Any) -> None:
         text = state_of(page)["text"]
         if page.locator("fieldset").count() == 0:
             press(page, "Continue")
-            wait(page, partial(has_gone_on, page, text))
+            wait(page, partial(is_elsewhere, page, text))
     figures(page)
 
 
-def has_gone_on(page: Any, text: str) -> bool:
+def is_elsewhere(page: Any, text: str) -> bool:
     """Tell whether a page says something else by now."""
     return bool(state_of(page)["text"] != text)
