@@ -17,6 +17,7 @@ from visavis.analysis.gaze.bids_pauses import Pauses, pauses_in_set
 from visavis.analysis.session_verdict import Level
 from visavis.analysis.xdf_times import (
     MAX_CLOCK_S,
+    MAX_DRIFT,
     ClockSegment,
     on_common_clock,
     read_xdf,
@@ -35,6 +36,7 @@ APART_S = 5.0
 """Streams that begin or end further from the others than this are reported."""
 MIN_WITHOUT_EXCHANGE_S = 60.0
 UNKNOWN_DRIFT_PPM = 50.0
+MIN_SETTING_S = 0.05
 """How far two quartz clocks may run apart where nobody knows; a fit's drift where it is more."""
 XDF_ENDINGS = (".xdf", ".xdfz", ".xdf.gz")
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
@@ -160,6 +162,15 @@ def _of_clock(stream: ForeignStream, streams: Sequence[ForeignStream]) -> Findin
     for segment in stream.segments:
         if segment.exchanges:
             yield from _uncovered(stream, segment)
+        away_s = abs(segment.drift_ppm) * 1e-6 * (segment.to_s - segment.from_s)
+        if abs(segment.drift_ppm) > MAX_DRIFT * 1e6 and away_s > MIN_SETTING_S:
+            yield (
+                Level.RED,
+                f"its clock goes off by {away_s:.2f} s at {segment.drift_ppm:.0f} ppm, as no clock "
+                "does: it was set while it ran",
+                "its times are wrong by up to as much; use the part before or after its offsets "
+                "jump",
+            )
 
 
 def _uncovered(stream: ForeignStream, segment: ClockSegment) -> Findings:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import pyxdf
-from hypothesis import given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from visavis.analysis.foreign_check import StreamVerdict, check_foreign, read_xdf_times
@@ -105,7 +105,11 @@ def test_exchanges_that_end_early_are_told_with_how_far_drift_has_gone(tmp_path:
 # ---- further members of the kinds --------------------------------------------------------------
 
 
+PART_S = 100.0
+
+
 @settings(max_examples=20, deadline=None)
+@example(boots=[0.0, 98.0], drift_ppm=0.0, wild=0)
 @given(
     boots=st.lists(st.floats(-5e5, 5e5), min_size=2, max_size=4, unique_by=lambda b: round(b, -2)),
     drift_ppm=st.floats(-300, 300),
@@ -114,10 +118,12 @@ def test_exchanges_that_end_early_are_told_with_how_far_drift_has_gone(tmp_path:
 def test_every_part_between_resets_is_mapped_by_its_own_exchanges(
     boots: list[float], drift_ppm: float, wild: int, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
+    # A clock that goes on, by up to a second, where it would have gone on was not reset.
+    assume((np.abs(np.diff(boots) - PART_S) > 1.5).all())
     rng = np.random.default_rng(wild)
     own, host, exchanges = [], [], []
     for part, boot in enumerate(boots):
-        t_s = 1000 + 100.0 * part + np.arange(1500) / 50
+        t_s = 1000 + PART_S * part + np.arange(1500) / 50
         shown = boot + (t_s - t_s[0]) * (1 - drift_ppm * 1e-6) + 6e5
         own.append(shown)
         host.append(t_s)
@@ -132,6 +138,20 @@ def test_every_part_between_resets_is_mapped_by_its_own_exchanges(
     assert len(boots) - 1 == words(verdict).count("its clock was reset before sample")
     assert "go back" not in words(verdict)
     assert pytest.approx(50, rel=1e-3) == verdict.rate_hz
+
+
+@pytest.mark.parametrize("set_by_s", [-0.9, -0.3, 0.3, 0.9])
+def test_a_clock_that_was_set_by_less_than_a_second_is_told(
+    tmp_path: Path, set_by_s: float
+) -> None:
+    host_s = 1000 + np.arange(5000) / 50
+    own_s = host_s + set_by_s * (host_s >= 1050)
+    rows = np.arange(0, 5000, 250)
+    by_s = (host_s - own_s)[rows]
+    exchanges = list(zip(own_s[rows].tolist(), by_s.tolist(), strict=True))
+    (verdict,) = judged(tmp_path / "a.xdf", file_of(("gaze", own_s, exchanges)))
+    assert Level.RED is verdict.level
+    assert "as no clock does" in words(verdict)
 
 
 @settings(max_examples=25, deadline=None)
