@@ -27,24 +27,13 @@ function caseOf({at, turn, size: [wide, high]}) {
   return {solid: 'box', model: modelMatrix(add(at, rotate(turn, [0, 0, 1]), -0.012), turn, [wide + 0.02, high + 0.02, 0.02]), paint: [0.1, 0.1, 0.11]};
 }
 
-// What of a closed line lies before a plane through the origin.
-function cutBy(line, normal) {
-  const before = line.map(p => p[0] * normal[0] + p[1] * normal[1] + p[2] * normal[2]), out = [];
-  line.forEach((p, k) => {
-    const last = (k || line.length) - 1, a = before[last], b = before[k];
-    if (a >= 0 !== b >= 0) out.push(add(line[last], sub(p, line[last]), a / (a - b)));
-    if (b >= 0) out.push(p);
-  });
-  return out;
-}
-
 class Flat {
   constructor(content, data) {
     Object.assign(this, {data, content});
     this.monitor = data.eye && !data.isWide ? data.sheets[0] : null;
     this.framed = this.monitor || data.eye && this.reach() || null; // what fills the view of who sat before it
     const courseOf = ref => { const flat = content.flat(ref), n = ref.s[0]; return k => Array.from({length: flat.length / n}, (_, c) => flat[c * n + Math.min(k, n - 1)]); };
-    this.areas = data.areas.map(({name, corners, outlines}) => ({name, at: courseOf(corners), outlines}));
+    this.areas = data.areas.map(({name, corners, outlines, hasCorner}) => ({name, at: courseOf(corners), outlines, hasCorner: hasCorner && courseOf(hasCorner)}));
     this.turnAt = data.around && courseOf(data.around.turns);
   }
 
@@ -57,21 +46,22 @@ class Flat {
   // What stands there at a sample (whole number) of the scene: areas of interest as {name, corners, outlines}, of each
   // outline how many corners are its own.
   areasAt(k) {
-    const areas = this.areas.map(({name, at, outlines}) => {
+    const areas = this.areas.map(({name, at, outlines, hasCorner}) => {
       const numbers = at(k), corners = Array.from({length: numbers.length / 3}, (_, c) => numbers.slice(3 * c, 3 * c + 3));
-      return {name, corners, outlines: outlines || [corners.length]};
-    }).filter(area => !Number.isNaN(area.corners[0][0]));
-    return this.monitor ? areas.map(area => this.throughMonitor(area)).filter(area => area.corners.length) : areas;
+      const area = {name, corners, outlines: outlines || [corners.length]};
+      if (!this.monitor || Number.isNaN(corners[0][0])) return area;
+      return this.throughMonitor(area, !!hasCorner && hasCorner(k)[0] > 0);
+    });
+    return areas.filter(area => area.corners.length && !Number.isNaN(area.corners[0][0]));
   }
 
-  // An area as it was seen through the monitor: cut by the planes through the eye and the edges (Sutherland and Hodgman).
-  throughMonitor({name, corners, outlines}) {
-    const {at, turn, size: [wide, high]} = this.monitor, {eye} = this.data, [w, x, y, z] = turn;
-    const own = p => rotate([w, -x, -y, -z], sub(p, eye)), [right, up, back] = own(at);
-    const planes = [[-back, 0, right - wide / 2], [back, 0, -right - wide / 2], [0, -back, up - high / 2], [0, back, -up - high / 2]];
+  // An area as it was seen through the monitor, cut at its edges.
+  throughMonitor({name, corners, outlines}, hasCorner) {
+    const {at, turn, size: sides} = this.monitor, {eye} = this.data, [w, x, y, z] = turn;
+    const own = p => rotate([w, -x, -y, -z], sub(p, eye));
     let from = 0;
-    const lines = outlines.map(n => planes.reduce(cutBy, corners.slice(from, from += n).map(own))).filter(line => line.length);
-    return {name, outlines: lines.map(line => line.length), corners: lines.flat().map(p => add(eye, rotate(turn, p.map(v => v * back / p[2]))))};
+    const lines = cutByWindow(outlines.map(n => corners.slice(from, from += n).map(own)), own(at), sides, hasCorner);
+    return {name, outlines: lines.map(line => line.length), corners: lines.flat().map(p => add(at, rotate(turn, [...p, 0])))};
   }
 
   // Where a line from an eye meets the monitor's plane; null where it leads away from it.

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from visavis.cli.recorded_trial import RecordedTrial
 from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.models import SIDE_PX, Models
-from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate
+from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate, unit
 from visavis.protocol.plan.shown_scene import RecordedScene, of_part
 from visavis.stimuli.areas import (
     FAR_M,
@@ -34,6 +34,7 @@ from visavis.study.scenes import FLAT
 
 ELLIPSE_EVERY: Final = 8
 """Of the many corners of an ellipse a page has every eighth."""
+CORNER_INSET_01: Final = 1e-6
 STEP_DEG: Final = 5.0
 """Between two corners around the eye: a line between them is within a tenth of a degree."""
 
@@ -179,21 +180,43 @@ def _sheet(sheet: Sheet, models: Models) -> dict[str, Any]:
 
 def _areas(showing: Showing, t_ns: Sequence[int], bundle: Bundle) -> Iterator[dict[str, Any]]:
     """Yield each area's name and corners (times, corners, 3) in world, one time where it stands
-    still; NaN while it is not there. A painted one says how many corners each of its outlines has.
+    still; NaN while it is not there. A painted one says how many corners each of its outlines has,
+    one behind a monitor whether the upper left corner of that is on it (times, 1).
     """
+    screen, monitor = showing.scene.surface.screen, monitor_of(showing.scene)
+    eye_m = None if screen is None else screen.place.position_m
+    corner_m = None
+    if monitor is not None:  # its upper left one, hardly within
+        inset = (1 - CORNER_INSET_01) / 2 * np.array([-1.0, 1.0, 0.0])
+        offset_m = inset * np.array([*monitor.size_m, 0.0])
+        corner_m = monitor.pose.position_m + rotate(monitor.pose.orientation_wxyz, offset_m)
     for one in showing.areas:
         for k, area in enumerate(one.areas):
             is_still = isinstance(one, PlacedAreas) and not area.keys
             times = t_ns[:1] if is_still else t_ns
-            lines = _lines(area, [one.areas_now(t)[k] for t in times], one)
-            is_there = [one.areas_now(t)[k] is not None for t in times]
-            corners = np.concatenate(lines, axis=1)
+            shapes = [one.areas_now(t)[k] for t in times]
+            lines = _lines(area, shapes, one)
             course = [
-                one.places_m(now, t) if is_now else np.full((len(now), 3), np.nan)
-                for now, t, is_now in zip(corners, times, is_there, strict=True)
+                np.full((len(corners), 3), np.nan) if shape is None else one.places_m(corners, t)
+                for corners, t, shape in zip(np.concatenate(lines, 1), times, shapes, strict=True)
             ]
             content = {"name": area.name, "corners": _course(bundle, course)}
+            if corner_m is not None and eye_m is not None:
+                has_corner = _holds(replace(one, areas=(area,)), eye_m, corner_m, times)
+                content["hasCorner"] = _course(bundle, list(has_corner))
             yield content | ({"outlines": [a.shape[1] for a in lines]} if area.pixels else {})
+
+
+def _holds(one: PictureAreas, eye_m: Vector, place_m: Vector, t_ns: Sequence[int]) -> Vector:
+    """Return at each time (times, 1) whether an eye sees the only area of a picture at a place: 1
+    or 0.
+    """
+    eyes_m, count = np.tile(eye_m, (len(t_ns), 1)), len(t_ns)
+    towards = np.tile(unit(place_m - eye_m), (count, 1))
+    if isinstance(one, SurroundingAreas):
+        one = replace(one, screen=None)
+    met = one.areas_met(eyes_m, towards, np.array(t_ns), 0.0)
+    return (met >= 0).astype(np.float64)[:, None]
 
 
 def _lines(area: Area, now: Sequence[Area | None], sheet: PictureAreas) -> list[Vector]:

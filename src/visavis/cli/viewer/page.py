@@ -59,7 +59,10 @@ def _script(file: Path) -> str:
 CODE = (
     _HERE / "data.js",
     *(_SITE / name for name in ("painting.js", "headset_space.js")),
-    *(_HERE / f"{name}.js" for name in "drawing quick flat scene looks coding pages".split()),
+    *(
+        _HERE / f"{name}.js"
+        for name in "drawing quick cutting flat scene looks coding pages".split()
+    ),
     *(_HERE / f"{name}.js" for name in ("timeline", "saving", "headset", "viewer")),
 )
 """Files of the page's code, in the order in which they stand in it."""
