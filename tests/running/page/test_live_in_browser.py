@@ -139,6 +139,30 @@ def test_a_page_moves_people_of_a_film_as_python_does(browser: Any) -> None:
     assert 0 == pytest.approx(apart_m.max(), abs=1e-4)
 
 
+SMOOTH = """async (name) => {
+    const UNMASKED_RENDERER = 0x9246;
+    const real = WebGL2RenderingContext.prototype.getParameter;
+    WebGL2RenderingContext.prototype.getParameter = function (which) {
+        return which === UNMASKED_RENDERER ? name : real.call(this, which);
+    };
+    const { Stage } = await import("/live.js");
+    const light = { background_srgb: [0, 0, 0], sky: [1, 1, 1], ground: [1, 1, 1], lamps: [] };
+    return new Stage(document.createElement("canvas"), light).gl.getContextAttributes().antialias;
+}"""
+
+
+@pytest.mark.parametrize(
+    ("is_smooth", "renderer"), [(True, "GeForce RTX 4060"), (False, "SwiftShader Device")]
+)
+def test_edges_are_smoothed_by_a_graphics_chip_alone(
+    is_smooth: bool, renderer: str, browser: Any
+) -> None:
+    page = browser.new_page()
+    page.route("http://smooth.test/**", serve_site)
+    page.goto("http://smooth.test/")
+    assert is_smooth == page.evaluate(SMOOTH, renderer)
+
+
 def leave(page: Any) -> None:
     """Press the button until its figure is gone: a slow picture may move it away from a press."""
     figure = page.query_selector("canvas.figure")

@@ -6,7 +6,7 @@
 import * as blends from "./blend.js";
 import * as wire from "./wire.js";
 import { readPerson } from "./glb.js";
-import { boneRows, LIGHT, FINE_LIGHT, Painter, PERSON, rendererOf, ROOM } from "./painting.js";
+import { boneRows, isProcessor, LIGHT, FINE_LIGHT, Painter, PERSON, rendererName, rendererOf, ROOM } from "./painting.js";
 
 const TRIES = 4;
 const CAMERA_MS = 50; // 20 a second
@@ -94,7 +94,8 @@ export async function load(asset, key) {
 /** What draws a step's figures, its floor and what is below them. */
 export class Stage extends Painter {
   constructor(canvas, light) {
-    super(canvas, { antialias: true, programs: { person: [PERSON, "#define FINE"], level: [LEVEL], card: [CARD], room: [ROOM] } });
+    // Where the processor draws, smooth edges would cost it most of its time.
+    super(canvas, { antialias: !isProcessor(rendererName()), programs: { person: [PERSON, "#define FINE"], level: [LEVEL], card: [CARD], room: [ROOM] } });
     const { gl } = this;
     this.people = [];
     this.levels = [];
