@@ -97,8 +97,8 @@ def open_page(browser: Any, page: Path, *scripts: str) -> tuple[Any, list[str]]:
 def put_on(browser: Any, page: Path, which: str) -> tuple[Any, list[str]]:
     """Return a page with a headset of the tests put on, and what goes wrong on it."""
     emulator = [npm_script("iwer", "build/iwer.min.js")] if which == "emulator" else []
-    script = (HEADSETS / f"{which}.js").read_text("utf-8")
-    tab, problems = open_page(browser, page, *emulator, script)
+    scripts = [(HEADSETS / f"{name}.js").read_text("utf-8") for name in ("seldom", which)]
+    tab, problems = open_page(browser, page, *emulator, *scripts)
     tab.locator(BUTTON).click()
     look(tab)
     return tab, problems

@@ -53,8 +53,8 @@ def before_a_headset(browser: Any, address: str, which: str) -> tuple[Any, list[
     page.on("pageerror", lambda error: problems.append(str(error)))
     if which == "emulator":
         page.add_init_script(npm_script("iwer", "build/iwer.min.js"))
-    page.add_init_script(path=FILES / f"{which}.js")
-    page.add_init_script(path=FILES / "people.js")
+    for name in ("seldom", which, "people"):
+        page.add_init_script(path=FILES / f"{name}.js")
     page.goto(address)
     until(page, "Put the headset on")
     return page, problems

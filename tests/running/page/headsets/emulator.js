@@ -4,6 +4,10 @@
   device.installRuntime({ forceInstall: true });
   device.stereoEnabled = true;
   device.position.set(0, 1.6, 0);
+  const ask = XRSession.prototype.requestAnimationFrame;
+  XRSession.prototype.requestAnimationFrame = function (frame) {
+    return ask.call(this, (...now) => window.seldom(this.renderState.baseLayer?.context, () => frame(...now)));
+  };
   let isWorn = true;
   setInterval(() => { if (isWorn) device.position.set(0, 1.6 + 0.004 * Math.sin(performance.now() / 90), 0); }, 20);
   window.drive = {

@@ -4,6 +4,7 @@
   const AHEAD_MS = 18;
   const FRAME_MS = 1000 / 72;
   const SIDE_PX = 160;
+  const draw = window.seldom || ((gl, frame) => { frame(); return true; }); // seldom.js
   const rotated = ([w, x, y, z], [a, b, c]) => {
     const t = [2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)];
     return [a + w * t[0] + y * t[2] - z * t[1], b + w * t[1] + z * t[0] - x * t[2], c + w * t[2] + x * t[1] - y * t[0]];
@@ -36,7 +37,7 @@
         hapticActuators: [{ pulse: async () => { this.pulses += 1; return true; } }] };
     }
   }
-  const state = { head: [0, 1.6, 0], turn: [1, 0, 0, 0], isWorn: true, isTracked: true, session: null, space: null, ticks: 0, sources: [new Source("left"), new Source("right")], skipped: 0 };
+  const state = { head: [0, 1.6, 0], turn: [1, 0, 0, 0], isWorn: true, isTracked: true, session: null, space: null, ticks: 0, sources: [new Source("left"), new Source("right")], skipped: 0, wanted: null };
 
   class Frame {
     constructor(session, time) { Object.assign(this, { session, predictedDisplayTime: time + AHEAD_MS, isActive: true }); }
@@ -67,8 +68,9 @@
       state.ticks += 1;
       const [calls, frame] = [this.callbacks, new Frame(this, this.now())];
       this.callbacks = [];
-      for (const call of calls) call(frame.predictedDisplayTime - AHEAD_MS, frame);
+      const isDrawn = draw(this.layer?.gl, () => { for (const call of calls) call(frame.predictedDisplayTime - AHEAD_MS, frame); }, Boolean(state.wanted));
       frame.isActive = false;
+      if (isDrawn) state.wanted?.();
     }
     // A clock of its own, in whole frames of the display.
     now() { return FRAME_MS * (state.skipped + Math.round((performance.now() - this.begun) / FRAME_MS)); }
@@ -129,7 +131,9 @@
     wake() { state.sources.push(new Source("left"), new Source("right")); state.session.dispatchEvent(Object.assign(new Event("inputsourceschange"), { added: [...state.sources], removed: [] })); },
     end() { return state.session.end(); },
     pulses: () => state.sources.reduce((sum, s) => sum + s.pulses, 0),
-    picture() { // what the last frame drew for both eyes, as the image of a canvas
+    async picture() { // what the next frame draws for both eyes, as the image of a canvas
+      await new Promise((done) => { state.wanted = done; });
+      state.wanted = null;
       const { layer } = state.session;
       const { gl } = layer;
       const [w, h] = [layer.framebufferWidth, layer.framebufferHeight];
