@@ -27,6 +27,7 @@ MANY_BLOCKS = 8
 MAX_WANDERING = 1.7
 """Residuals over 8 blocks spread as over one where nothing is lost, and √8 as far where samples
 are lost at random; this lies between."""
+MAX_WANDERING_OF_DOUBLES = 1.2
 MAX_REGULAR_CV = 0.5
 """Spread over mean of the distances between long steps: 1 at random, near 0 of a polling host."""
 HOLE_S = 1.0
@@ -224,7 +225,9 @@ def _pattern(t_ns: Times) -> _Pattern:
     narrow, wide = _wandering_ns(t_ns, block), _wandering_ns(t_ns, many)
     distances = np.diff(np.flatnonzero(is_long))
     is_regular = len(distances) >= 10 and distances.std() < MAX_REGULAR_CV * distances.mean()
-    is_near_line = many >= 4 * block and wide <= MAX_WANDERING * narrow
+    # Doubles are what single losses leave; a few of them may wander little by chance.
+    limit = MAX_WANDERING if 2 * doubles < n_long else MAX_WANDERING_OF_DOUBLES
+    is_near_line = many >= 4 * block and wide <= limit * narrow
     if not (is_near_line or is_regular):
         return even
     spans = (t_ns[block:] - t_ns[:-block]) / block
