@@ -4,14 +4,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 from urllib.parse import urlsplit
 
 from visavis.lab.clock import Clock
 from visavis.lab.errors import ConfigError, UsageError
-
-if TYPE_CHECKING:
-    from visavis.running.page.lan import Certificate
+from visavis.running.page.lan import Certificate, addresses_here, certificate_of
 
 EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104  # refused without a name to come under
 
@@ -98,7 +96,7 @@ class Listening:
     host: str
     near: tuple[str, ...]
     names: tuple[str, ...]
-    certificate: "Certificate | None"
+    certificate: Certificate | None
 
 
 def listening_of(way: Way, key_root: Path, clock: Clock) -> Listening:
@@ -110,9 +108,6 @@ def listening_of(way: Way, key_root: Path, clock: Clock) -> Listening:
         UsageError: this computer is on no network, or the lab's own certificate does not hold.
         ConfigError: none can be made, as a library is not installed.
     """
-    # Late: what pages need comes with visavis[browser].
-    from visavis.running.page.lan import addresses_here
-
     listens_everywhere = way.host in EVERYWHERE or (way.is_lan and way.host == DEFAULT_HOST)
     near = (addresses_here() if listens_everywhere else (way.host,)) if way.is_lan else ()
     if way.is_lan and not (way.name or near):
@@ -123,7 +118,7 @@ def listening_of(way: Way, key_root: Path, clock: Clock) -> Listening:
     return Listening(host, near, (*names, way.host), certificate)
 
 
-def words_of_code(way: Way, digits: str, certificate: "Certificate | None") -> Iterator[str]:
+def words_of_code(way: Way, digits: str, certificate: Certificate | None) -> Iterator[str]:
     """Yield what whoever serves reads: the code, and how to know the server again by https."""
     yield "Code that opens a session:"
     yield f"  [b]{digits[:3]} {digits[3:]}[/]"
@@ -141,10 +136,7 @@ def words_of_code(way: Way, digits: str, certificate: "Certificate | None") -> I
     yield f"  {certificate.fingerprint[half + 1 :]}"
 
 
-def _certificate(way: Way, names: tuple[str, ...], key_root: Path, clock: Clock) -> "Certificate":
-    # Late: as in `listening_of`.
-    from visavis.running.page.lan import certificate_of
-
+def _certificate(way: Way, names: tuple[str, ...], key_root: Path, clock: Clock) -> Certificate:
     if way.certificate is not None and way.key is not None:
         return certificate_of(way.certificate, way.key, [way.name])
     try:

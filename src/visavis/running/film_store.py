@@ -35,6 +35,7 @@ from visavis.protocol.plan.experiment import no_progress
 from visavis.running.film_edges import refuse_cut_off
 from visavis.running.page.spoken_digits import spoken_digits
 from visavis.running.sound_store import require_fit
+from visavis.stage.film_sound import add_sound
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.film_file import kind_for_browsers
@@ -282,9 +283,6 @@ class FilmStore:
                 yield number
             container.mux(stream.encode())
         if (sound := self.sound_of(film)) is not None:
-            # Opened only now: a film without a voice needs none of it.
-            from visavis.stage.film_sound import add_sound
-
             heard = draft.with_name(f".{path.stem}.{os.getpid()}.heard.webm")
             add_sound(draft, heard, sound)
             heard.replace(draft)

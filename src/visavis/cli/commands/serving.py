@@ -34,6 +34,7 @@ from visavis.protocol.session.operator import UnattendedOperator
 from visavis.running.film_store import FilmStore, film_store, require_roles_of_pages
 from visavis.running.page.arrivals import check_completion
 from visavis.running.page.board import STATES, board_of
+from visavis.running.page.opening_code import OpeningCode
 from visavis.running.sessions.data_root import require_space
 from visavis.running.sessions.session_request import Request, SessionPerson
 from visavis.study.experiment import StudyExperiment
@@ -193,7 +194,6 @@ async def _serve(
     completion: str,
 ) -> None:
     # Late: aiohttp comes with visavis[browser], which the other commands here do not need.
-    from visavis.running.page.opening_code import OpeningCode
     from visavis.running.page.reception import Reception, Rules
     from visavis.running.page.server import PageServer
 
