@@ -1,7 +1,7 @@
 """A microphone behind sounddevice's interface, into which a simulated person speaks.
 
 Whoever presses the control `voice` says a word: a breath before, where the body tells its next
-press ahead, then tones of a larynx that rise over `rise_ms`, for `word_s`. Not modelled: speech,
+press ahead, then tones of a larynx that rise over 15 ms, for `word_s`. Not modelled: speech,
 the room's echo, other people, a microphone's filters and its level control.
 """
 
@@ -23,7 +23,7 @@ from visavis.devices.sim.sound_card import (
     SimulatedStream,
 )
 from visavis.devices.sim.wire_noise import WireNoise
-from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.clock import NS_PER_S, Clock
 
 PITCH_HZ: Final = 120.0
 HARMONICS: Final = np.arange(1, 25)
@@ -35,6 +35,7 @@ WEIGHTS: Final = sum(
 PHASES: Final = np.pi * HARMONICS**2 / HARMONICS.size
 """Schroeder's (1970, 10.1109/TIT.1970.1054411): the level is even between two pulses, as it is of
 vowels, which ring."""
+RISE_S: Final = 0.015
 FADE_S: Final = 0.03
 BREATH_S: Final = 0.2
 CLICK_S: Final = 0.003
@@ -62,14 +63,12 @@ class SimulatedMicrophone(SimulatedPortAudio):
         seed: int = 0,
         noise_db: float = -60.0,
         voice_db: float = -25.0,
-        rise_ms: float = 15.0,
         word_s: float = 0.3,
         clicks_ns: Sequence[int] = (),
         mouth: Hand | None = None,
     ) -> None:
         super().__init__(clock, faults=faults, latency_ms=latency_ms, drift_ppm=drift_ppm)
         self.noise_db, self.voice_db = noise_db, voice_db
-        self._rise_s = rise_ms * NS_PER_MS / NS_PER_S
         self._clicks_s = [t_ns / NS_PER_S for t_ns in clicks_ns]
         self._body, self._mouth = body, body if mouth is None else mouth
         self._noise = WireNoise([seed, NOISE_STREAM], body)
@@ -109,7 +108,7 @@ class SimulatedMicrophone(SimulatedPortAudio):
         since_s = t_s - began_s
         phases = 2 * np.pi * PITCH_HZ * np.outer(HARMONICS, since_s) + PHASES[:, None]
         tones = WEIGHTS @ np.sin(phases) / np.sqrt(np.square(WEIGHTS).sum() / 2)
-        rise = np.clip(since_s / self._rise_s, 0.0, 1.0)
+        rise = np.clip(since_s / RISE_S, 0.0, 1.0)
         fade = np.exp(-np.maximum(t_s - ended_s, 0.0) / FADE_S)
         word: npt.NDArray[np.float64] = tones * rise * fade
         return word

@@ -35,7 +35,7 @@ from visavis.lab.geometry import angle_deg, quat_from_yaw_pitch_deg
 
 
 @contextlib.contextmanager
-def simulated(*faults, body=None, **options):
+def simulated(*faults, body=None, per_eye="none", **options):
     pytest.importorskip("xr", reason="pip install pyopenxr")
     if find_compiler() is None:
         pytest.skip("the simulated OpenXR runtime needs a C compiler: apt-get install gcc")
@@ -43,6 +43,7 @@ def simulated(*faults, body=None, **options):
     body = body if body is not None else FixatingBody(10.0, 5.0)
     schedule = FaultSchedule.from_config(faults)
     with SimulatedXrRuntime(body, clock, faults=schedule, **options) as runtime:
+        runtime.eyes.tell_by(per_eye)
         yield runtime, clock
 
 

@@ -12,7 +12,7 @@ import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,7 @@ RECORD_WITHIN_NS = 5 * NS_PER_S
 RAYS = ("direction_head", "origin_m", "left_direction_head", "right_direction_head")
 """Columns that turn with the camera."""
 NEWER_APP = "update Visavis; until then choose fewer gaze data in the Companion app"
+PINHOLE: Final = codec.SceneCamera()
 
 
 class Neon(GazeDevice):
@@ -42,8 +43,8 @@ class Neon(GazeDevice):
     records already. Neon is not calibrated; the session fits how its camera sits on the head
     (`turn_to_head`).
 
-    Directions use the module's own camera calibration when the app gives it, else the pinhole
-    of the options. Per-eye rays and pupils are there when the app computes them.
+    Directions use the module's own camera calibration when the app gives it, else `camera`. Per-eye
+    rays and pupils are there when the app computes them.
     """
 
     def __init__(
@@ -56,16 +57,10 @@ class Neon(GazeDevice):
         lost_after_s: float = 2.0,
         exchange_interval_s: float = 1.0,
         opening_exchanges: int = 20,
-        focal_length_px: float = 891.0,
-        center_x_px: float = 800.0,
-        center_y_px: float = 600.0,
-        camera_pitch_deg: float = 0.0,
+        camera: codec.SceneCamera = PINHOLE,
         starts_recording: bool = False,
     ) -> None:
-        self._camera = codec.SceneCamera(
-            focal_length_px, focal_length_px, center_x_px, center_y_px, pitch_deg=camera_pitch_deg
-        )
-        self._pitch_deg = camera_pitch_deg
+        self._camera, self._pitch_deg = camera, camera.pitch_deg
         self._opening_exchanges = opening_exchanges
         self._packet: int | None = None
         self._unknown: dict[int, int] = {}

@@ -33,7 +33,7 @@ Pose = tuple[list[float], list[float]]
 
 
 class SimulatedEyes:
-    """The functions of a runtime for each eye, by `per_eye`: htc, meta or none."""
+    """The functions of a runtime for each eye; none until `tell_by` says whose."""
 
     prototypes: ClassVar = {
         "xrCreateEyeTrackerHTC": _THREE,
@@ -47,12 +47,11 @@ class SimulatedEyes:
     def __init__(
         self,
         body: Body,
-        per_eye: str,
         sampled_ns: Callable[[int], int],
         is_lost: Callable[[], bool],
         epoch_ns: int,
     ) -> None:
-        self.tell_by(per_eye)
+        self.tell_by("none")
         self.supported = True
         self.refusals = 0
         self._body = body
@@ -67,7 +66,7 @@ class SimulatedEyes:
         self._allocate = allocate
 
     def tell_by(self, per_eye: str) -> None:
-        """Offer this extension from the next instance on."""
+        """Offer the extension of htc, meta or none from the next instance on."""
         self.extension = {"none": "", "htc": HTC, "meta": FB}[per_eye]
 
     # ---- HTC --------------------------------------------------------------------------------

@@ -91,7 +91,6 @@ class SimulatedXrRuntime:
         supports_gaze: bool = True,
         tells_sample_time: bool = True,
         time_extension: str = TIMESPEC,
-        per_eye: str = "none",
         hides_corners: bool = True,
         look_ahead_ms: float | None = None,
         offers_headless: bool = True,
@@ -130,7 +129,6 @@ class SimulatedXrRuntime:
         self.joints.allocate_with(self._new_handle)
         self.eyes = SimulatedEyes(
             body,
-            per_eye,
             lambda at_ns: at_ns // self._gaze_period_ns * self._gaze_period_ns,
             self._eyes_are_lost,
             EPOCH_NS,
