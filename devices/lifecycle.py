@@ -28,11 +28,18 @@ class HasLife:
     """The common part of devices that keep their state in a `Lifecycle`."""
 
     _life: Lifecycle
+    _sink: Sink | None
 
     @property
     def state(self) -> DeviceState:
         """The state of its life; FAULT while the driven device is away."""
         return self._life.state
+
+    def stop(self) -> None:
+        """Stop delivering; what it is reached by stays open."""
+        self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
+        self._sink = None
+        self._life.state = DeviceState.OPEN
 
     def clock_pairs(self) -> Sequence[ClockPair]:
         """Return nothing: no times are exchanged with a clock of its own, if it has one."""
@@ -41,8 +48,6 @@ class HasLife:
 
 class OnSessionClock(HasLife):
     """A device with nothing to connect to and no clock of its own."""
-
-    _sink: Sink | None
 
     def open(self, deadline_s: float) -> None:
         """Become ready."""

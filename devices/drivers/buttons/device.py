@@ -122,12 +122,6 @@ class ButtonDevice(HasLife):
             ) from disconnection
         return self._deliver(chunks)
 
-    def stop(self) -> None:
-        """Stop delivering; the link stays open."""
-        self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
-        self._sink = None
-        self._life.state = DeviceState.OPEN
-
     def close(self) -> None:
         """Release the link; idempotent."""
         self._sink = None

@@ -13,7 +13,7 @@ from visavis.devices.contracts import CalibrationOutcome, DeviceState, Fault
 from visavis.devices.drivers.fove import codec
 from visavis.devices.drivers.fove.library import ANSWER, SERVICE_REMEDY
 from visavis.devices.drivers.fove.spec import FOVE
-from visavis.devices.drivers.streaming.gaze_device import GazeDevice
+from visavis.devices.drivers.streaming.gaze_device import CalibratesByItself
 from visavis.devices.drivers.streaming.gaze_rays import Sample
 from visavis.devices.transports import Frames, Message, MessageTransport
 from visavis.lab.clock import NS_PER_S, Clock
@@ -24,7 +24,7 @@ PROBE_EVERY_NS = NS_PER_S
 STATE_QUESTIONS = (b"calibrated", b"hardware")
 
 
-class Fove(GazeDevice):
+class Fove(CalibratesByItself):
     """Follow the `EyeTracker` contract over FoveClient; `seq` follows its frame numbers."""
 
     def __init__(
@@ -55,23 +55,6 @@ class Fove(GazeDevice):
             self._calibrating = True
 
         self._wire.do(begin)
-
-    def end_calibration(self, deadline_s: float) -> CalibrationOutcome:
-        """Wait for the runtime's verdict; its quality is kept as the message."""
-        self.finish_calibration()
-        deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
-        self._wait_until(lambda: self._calibration is not None, deadline_ns, "calibration result")
-        outcome = self.calibration_verdict()
-        assert outcome is not None  # noqa: S101 - awaited above
-        return outcome
-
-    def finish_calibration(self) -> None:
-        """Do nothing: the runtime ends its own procedure and gives the verdict when asked."""
-        self._life.require("finish_calibration", DeviceState.STREAMING)
-
-    def calibration_verdict(self) -> CalibrationOutcome | None:
-        """Return the runtime's verdict; None until it came."""
-        return self._calibration
 
     def _connect(self, deadline_ns: int) -> None:
         versions = self._ask((b"versions",), deadline_ns).frames

@@ -89,12 +89,6 @@ class OnCardStream(HasLife):
         self._sink = sink
         self._life.state = DeviceState.STREAMING
 
-    def stop(self) -> None:
-        """Stop delivering; the card stays open."""
-        self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
-        self._sink = None
-        self._life.state = DeviceState.OPEN
-
     def close(self) -> None:
         """Release the card; idempotent."""
         self._sink = None

@@ -273,3 +273,24 @@ class GazeDevice(StreamDevice[Sample]):
     def _came_back(self) -> None:
         self._numbers.forget_counter()
         self._next_exchange_ns = self._clock.now_ns()
+
+
+class CalibratesByItself(GazeDevice):
+    """An eye tracker whose runtime shows its own targets and gives the verdict."""
+
+    def finish_calibration(self) -> None:
+        """Do nothing: the runtime ends its own procedure and gives the verdict when asked."""
+        self._life.require("finish_calibration", DeviceState.STREAMING)
+
+    def end_calibration(self, deadline_s: float) -> CalibrationOutcome:
+        """Wait for the runtime's verdict; its quality is kept as the message."""
+        self.finish_calibration()
+        deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
+        self._wait_until(lambda: self._calibration is not None, deadline_ns, "calibration result")
+        outcome = self.calibration_verdict()
+        assert outcome is not None  # noqa: S101 - awaited above
+        return outcome
+
+    def calibration_verdict(self) -> CalibrationOutcome | None:
+        """Return the runtime's verdict; None until it came."""
+        return self._calibration

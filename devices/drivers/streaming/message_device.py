@@ -113,12 +113,6 @@ class MessageDevice(HasLife, ABC):
         self._sink = sink
         self._life.state = DeviceState.STREAMING
 
-    def stop(self) -> None:
-        """Stop delivering; the wire stays open."""
-        self._life.require("stop", DeviceState.STREAMING, DeviceState.FAULT)
-        self._sink = None
-        self._life.state = DeviceState.OPEN
-
     def close(self) -> None:
         """Close the wire; idempotent."""
         self._sink = None

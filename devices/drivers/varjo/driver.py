@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from visavis.devices.contracts import CalibrationOutcome, ClockPair, DeviceState, Fault
+from visavis.devices.drivers.streaming.gaze_device import CalibratesByItself
 from visavis.devices.drivers.streaming.gaze_rays import Sample
 from visavis.devices.drivers.streaming.openness import GazeAndOpenness
 from visavis.devices.drivers.varjo import codec
@@ -23,7 +24,7 @@ BEGINS_WITHIN_NS = 5 * NS_PER_S
 """How long the system may take to bring up its calibration."""
 
 
-class Varjo(GazeAndOpenness):
+class Varjo(CalibratesByItself, GazeAndOpenness):
     """Follow the `EyeTracker` contract over Varjo's native library."""
 
     def __init__(
@@ -66,23 +67,6 @@ class Varjo(GazeAndOpenness):
             self._requested_ns, self._has_begun = self._clock.now_ns(), False
 
         self._wire.do(begin)
-
-    def finish_calibration(self) -> None:
-        """Do nothing: the system ends its own procedure and gives the verdict when asked."""
-        self._life.require("finish_calibration", DeviceState.STREAMING)
-
-    def end_calibration(self, deadline_s: float) -> CalibrationOutcome:
-        """Wait for the system's verdict; its quality is the message."""
-        self.finish_calibration()
-        deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
-        self._wait_until(lambda: self._calibration is not None, deadline_ns, "calibration result")
-        outcome = self.calibration_verdict()
-        assert outcome is not None  # noqa: S101 - awaited above
-        return outcome
-
-    def calibration_verdict(self) -> CalibrationOutcome | None:
-        """Return the system's verdict; None until it came."""
-        return self._calibration
 
     def poll(self, timeout_s: float) -> int:
         """Decode new data, and ask for the state at intervals; see the contract."""

@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from visavis.lab.geometry import Vector
+from visavis.people.observer.temperament import correlated_normal
 
 
 @dataclass(frozen=True)
@@ -213,11 +214,6 @@ class Person:
     traits: Vector
 
 
-def _correlated_normal(z: float, fresh: float, r: float) -> float:
-    """Return a standard normal with correlation `r` to `z`."""
-    return float(r * z + np.sqrt(1 - r * r) * fresh)
-
-
 def draw_person(population: Population, rng: np.random.Generator, *, feels: bool) -> Person:
     """Draw a person; without `feels` vibration changes nothing, everything else is the same."""
     q = population
@@ -255,13 +251,13 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
     traits[CAREFUL_MARGIN] = (
         q.caution.careful_margin_m
         + q.caution.careful_margin_spread_m
-        * _correlated_normal(z[1], shoulders, q.caution.careful_with_own)
+        * correlated_normal(z[1], shoulders, q.caution.careful_with_own)
     )
     answer = 1.0 + q.caution.caution_tuck_spread * arms - q.caution.loose_response * loose
     traits[CAUTION_TUCK] = min(q.caution.caution_tuck * answer, 1.0)
     traits[CAUTION_WANDER] = q.caution.caution_wander
     traits[ALARM_SLOWING] = q.alarm.alarm_slowing * np.exp(q.alarm.alarm_slowing_spread * slowing)
-    wariness = _correlated_normal(z[1], alarmed, q.alarm.alarm_with_own)
+    wariness = correlated_normal(z[1], alarmed, q.alarm.alarm_with_own)
     traits[ALARM_MARGIN] = q.alarm.alarm_margin_m + q.alarm.alarm_margin_spread_m * wariness
     traits[SPREAD] = min(q.arms.spread_rad * np.exp(q.arms.loose_spread * loose), MAX_SPREAD_RAD)
     return Person(

@@ -262,7 +262,7 @@ class Temperament:
     games_experience: int
 
 
-def _correlated(z: float, fresh: float, r: float) -> float:
+def correlated_normal(z: float, fresh: float, r: float) -> float:
     """Return a standard normal with correlation `r` to `z`."""
     return float(r * z + np.sqrt(1 - r * r) * fresh)
 
@@ -282,10 +282,10 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
     z = rng.standard_normal(16)
     # Anxiety correlates with holding contact, returning to it and the length of visits.
     anxiety = float(z[0])
-    hold = _correlated(anxiety, z[1], q.anxiety.anxiety_on_hold)
-    rest = _correlated(z[1], z[2], q.anxiety.hold_with_return)
-    come_back = _correlated(anxiety, rest, q.anxiety.anxiety_on_return)
-    visit = _correlated(anxiety, z[3], q.anxiety.anxiety_on_visit)
+    hold = correlated_normal(anxiety, z[1], q.anxiety.anxiety_on_hold)
+    rest = correlated_normal(z[1], z[2], q.anxiety.hold_with_return)
+    come_back = correlated_normal(anxiety, rest, q.anxiety.anxiety_on_return)
+    visit = correlated_normal(anxiety, z[3], q.anxiety.anxiety_on_visit)
     hold_level, return_level = (
         _compress_upper_side(hold, q.contact.hold_levels),
         _compress_upper_side(come_back, q.contact.return_levels),
