@@ -72,7 +72,7 @@ class ForkedCommand:
 
     def poll(self) -> int | None:
         """Return its exit code; None while it runs."""
-        return self._ended(0.0)
+        return self._code_within(0.0)
 
     def wait(self, timeout: float | None = None) -> int:
         """Wait until it has ended; return its exit code.
@@ -80,7 +80,7 @@ class ForkedCommand:
         Raises:
             subprocess.TimeoutExpired: it runs after so many seconds.
         """
-        code = self._ended(timeout)
+        code = self._code_within(timeout)
         if code is None:
             raise subprocess.TimeoutExpired(f"process {self.pid}", timeout or 0.0)
         return code
@@ -109,7 +109,7 @@ class ForkedCommand:
         """End it at once."""
         self.send_signal(signal.SIGKILL)
 
-    def _ended(self, timeout_s: float | None) -> int | None:
+    def _code_within(self, timeout_s: float | None) -> int | None:
         if self.returncode is None and select.select([self._own], [], [], timeout_s)[0]:
             with self._own:
                 message = b"".join(iter(lambda: self._own.recv(4096), b""))

@@ -104,10 +104,10 @@ def test_words_folder_environment_and_streams_are_those_of_a_new_process(
     assert (7, "said\n") == (actual.returncode, actual.stderr)
 
 
-def output_of(done: subprocess.CompletedProcess[str]) -> tuple[int, str, str]:
+def output_of(process: subprocess.CompletedProcess[str]) -> tuple[int, str, str]:
     """Return how a command ended and what it said, whatever time it took."""
-    out, err = (re.sub(r"\d+:\d\d:\d\d|in \d+ s", "", s) for s in (done.stdout, done.stderr))
-    return done.returncode, out, err
+    out, err = (re.sub(r"\d+:\d\d:\d\d|in \d+ s", "", s) for s in (process.stdout, process.stderr))
+    return process.returncode, out, err
 
 
 def test_commands_say_and_write_what_new_processes_do(tmp_path: Path) -> None:

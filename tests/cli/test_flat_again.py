@@ -128,7 +128,7 @@ def test_a_film_of_a_page_shows_what_was_lit_and_then_what_was_asked(tmp_path: P
         assert wide_px == pytest.approx(39.6 * size_deg * 576 / 1280, rel=0.03)
 
 
-REPEATED = """
+STUDY_WITH_REPEAT = """
 from visavis import Factor, Shape, Study
 
 study = Study("again", factors=[Factor("ink", ["red"])], on="browser", uses=(), calibrate=False)
@@ -141,13 +141,9 @@ def trial(t):
 
 
 def test_of_a_trial_that_was_performed_again_the_last_attempt_is_seen(tmp_path: Path) -> None:
-    (tmp_path / "again.py").write_text(REPEATED, "utf-8")
+    (tmp_path / "again.py").write_text(STUDY_WITH_REPEAT, "utf-8")
     study = find_study(str(tmp_path / "again.py"))
-    config = load_config(EXAMPLE).model_copy(
-        update={"data_root": tmp_path / "data", "key_root": tmp_path / "keys"}
-    )
-    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
-    recording = CachedRecording(perform_page(request))
+    recording = CachedRecording(perform_page(request_in(tmp_path, study, EXAMPLE)))
     attempts = [dict(row) for _, row in recording.trials().iterrows()]
     assert 2 == len(attempts)
     for row in attempts:

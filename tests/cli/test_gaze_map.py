@@ -167,10 +167,10 @@ def test_each_picture_has_maps_of_its_own(
     (tmp_path / "areas.yaml").write_text(
         "left: {ellipse: [60, 60, 40, 40]}\nright: {mask: painted.png, colour: red}\n", "utf-8"
     )
-    painted = Image.new("RGB", (240, 120))
-    painted.paste((255, 0, 0), (120, 0, 240, 60))
-    painted.paste((255, 0, 0), (120, 60, 180, 120))
-    painted.save(tmp_path / "painted.png")
+    painting = Image.new("RGB", (240, 120))
+    painting.paste((255, 0, 0), (120, 0, 240, 60))
+    painting.paste((255, 0, 0), (120, 60, 180, 120))
+    painting.save(tmp_path / "painted.png")
     for name, grey in (("desk", 40), ("shelf", 200)):
         Image.new("RGB", (240, 120), (grey, grey, grey)).save(tmp_path / f"{name}.png")
     for command in (
@@ -192,8 +192,8 @@ def test_each_picture_has_maps_of_its_own(
     px = np.ptp(left[:, 0]) / 40
     middle = left.min(axis=0) / 2 + left.max(axis=0) / 2 + [60 * px, 0]
     corners = [(0, 60), (120, 60), (120, 0), (60, 0), (60, -60), (0, -60)]
-    wanted = middle + np.array(corners) * px
-    apart = np.linalg.norm(wanted[:, None] - right, axis=2)
+    outline = middle + np.array(corners) * px
+    apart = np.linalg.norm(outline[:, None] - right, axis=2)
     assert 2 * px > max(apart.min(axis=0).max(), apart.min(axis=1).max())
     (one,) = gaze_maps(data, "place", peek=None, on_trial=lambda *of: None, during="fixation")
     assert "" == one.picture  # the cross was the same in all trials

@@ -90,7 +90,7 @@ def test_gaze_lies_where_it_was_in_the_picture_whatever_was_ahead_at_first(
 ) -> None:
     save_panorama(tmp_path / "a.png")
     data = open_study(simulate_study(tmp_path, monkeypatch, "a.png", display))
-    (maps,) = gaze_maps(data, "ahead", peek=None, on_trial=lambda done, total: None)
+    (maps,) = gaze_maps(data, "ahead", peek=None, on_trial=lambda count, total: None)
     assert ("0", "120") == maps.levels
     assert (720, 1440, 3) == maps.image.shape
     assert [40, 200] == maps.image[300, [100, 1300], 0].tolist()
@@ -99,8 +99,8 @@ def test_gaze_lies_where_it_was_in_the_picture_whatever_was_ahead_at_first(
         (density,) = maps.maps[str(row["ahead"])]
         gaze = recorded_trial(recording, row["trial_id"]).gaze
         t_ns = gaze["t_sample_ns"]
-        lit = (t_ns >= row["stimulus_on_ns"]) & (t_ns < row["stimulus_off_ns"])
-        usable_s = 4 * (gaze["valid"] & lit).sum() / lit.sum()
+        is_lit = (t_ns >= row["stimulus_on_ns"]) & (t_ns < row["stimulus_off_ns"])
+        usable_s = 4 * (gaze["valid"] & is_lit).sum() / is_lit.sum()
         assert usable_s == pytest.approx((density * GRID.area_deg2()).sum(), rel=0.02)
         assert share_within(density, 60, 10, 12) > (0.3 if not display else 0.1)
     ((_, (door,)), *lamps) = maps.outlines
@@ -133,11 +133,11 @@ def test_painted_areas_are_outlined_by_name_whole_across_the_edge_of_the_picture
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     save_panorama(tmp_path / "a.png")
-    painted = np.zeros((1024, 2048, 3), np.uint8)
-    painted[512:704, :64] = painted[512:704, -128:] = (255, 0, 0)  # cut by the picture's edge
-    painted[560:600, -64:-32] = 0  # a hole
-    painted[384:512, 1280:1408] = (0, 80, 255)
-    Image.fromarray(painted).save(tmp_path / "painted.png")
+    painting = np.zeros((1024, 2048, 3), np.uint8)
+    painting[512:704, :64] = painting[512:704, -128:] = (255, 0, 0)  # cut by the picture's edge
+    painting[560:600, -64:-32] = 0  # a hole
+    painting[384:512, 1280:1408] = (0, 80, 255)
+    Image.fromarray(painting).save(tmp_path / "painted.png")
     words = STUDY.replace("areas.yaml", "painted.png").replace('"door"', '"blue"')
     monkeypatch.setattr(f"{__name__}.STUDY", words)
     data = open_study(simulate_study(tmp_path, monkeypatch, "a.png", "--screen"))

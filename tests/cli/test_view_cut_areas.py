@@ -84,7 +84,7 @@ def test_an_area_of_a_panorama_that_the_monitor_cuts_is_outlined_where_it_is(bro
     page = browser.new_page()
     for name in ("data.js", "cutting.js", "flat.js"):
         page.add_script_tag(path=SCRIPTS / name)
-    seen = page.evaluate(
+    areas_by_time = page.evaluate(
         """data => { const flat = new Flat({flat: ref => ref.v}, data);
             return [0, 1, 2].map(k => flat.areasAt(k)); }""",
         data,
@@ -92,7 +92,7 @@ def test_an_area_of_a_panorama_that_the_monitor_cuts_is_outlined_where_it_is(bro
     grid_px = np.stack(np.meshgrid(np.arange(16, 1920, 32.0), np.arange(15, 1080, 30.0)), axis=-1)
     grid = rotate(eye.orientation_wxyz, flat.directions_of(grid_px.reshape(-1, 2)))
     cut = 0
-    for t_ns, areas in zip(times, seen, strict=True):
+    for t_ns, areas in zip(times, areas_by_time, strict=True):
         by_name = {area["name"]: area for area in areas}
         for area in around.areas:
             exact = unit(

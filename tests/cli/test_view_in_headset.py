@@ -314,7 +314,7 @@ def test_hands_play_step_stand_anew_and_leave(which: str, page: Path, browser: A
 
 @pytest.mark.slow  # a browser
 @pytest.mark.parametrize(
-    ("script", "said"),
+    ("script", "words"),
     [
         ("", "no headset is connected: join one to this computer"),
         ("Object.defineProperty(navigator, 'xr', {value: undefined})", "has no WebXR: take the"),
@@ -323,11 +323,11 @@ def test_hands_play_step_stand_anew_and_leave(which: str, page: Path, browser: A
     ids=["no headset", "no WebXR", "not secure"],
 )
 def test_a_browser_that_enters_no_headset_says_why_and_what_to_do(
-    page: Path, browser: Any, script: str, said: str
+    page: Path, browser: Any, script: str, words: str
 ) -> None:
     tab, problems = open_page(browser, page, script)
     tab.wait_for_function("document.getElementById('vr-note').textContent")
-    assert said in tab.inner_text("#vr-note")
+    assert words in tab.inner_text("#vr-note")
     assert tab.locator("#enter-vr").is_disabled()
     assert not problems
 
@@ -380,6 +380,6 @@ def test_a_page_for_a_headset_is_served_by_a_code_and_nothing_of_it_is_left(
         assert tab.locator("#enter-vr").is_visible()
     finally:
         server.send_signal(signal.SIGTERM)
-        said, _ = server.communicate(timeout=60)
-    assert 0 == server.returncode, said
+        words, _ = server.communicate(timeout=60)
+    assert 0 == server.returncode, words
     assert [] == list(tmp_path.glob("visavis-*"))

@@ -79,7 +79,7 @@ class Page:
         return next(s for s in self.header["scenes"] if abs(s["t0"] - on_s) < 1e-5)
 
 
-def written(folder: Path, text: str = STUDY) -> OpenedStudy:
+def write_study(folder: Path, text: str = STUDY) -> OpenedStudy:
     (folder / "paged.py").write_text(text, "utf-8")
     (folder / "room.yaml").write_text(AREAS, "utf-8")
     Files.new("RGB", (400, 300), (0, 200, 0)).save(folder / "room.png")
@@ -91,7 +91,7 @@ def written(folder: Path, text: str = STUDY) -> OpenedStudy:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
     folder = tmp_path_factory.mktemp("paged")
-    study = written(folder)
+    study = write_study(folder)
     config = load_config(EXAMPLE).model_copy(
         update={"data_root": folder / "data", "key_root": folder / "keys"}
     )
@@ -219,7 +219,7 @@ def test_without_the_size_of_its_window_a_page_has_no_edges_and_says_so(page: Pa
 
 
 @pytest.mark.parametrize(
-    ("said", "size_px"),
+    ("messages", "size_px"),
     [
         ([{"kind": "about", "about": {"view_px": [900, 500]}}], [900, 500]),
         (
@@ -234,9 +234,9 @@ def test_without_the_size_of_its_window_a_page_has_no_edges_and_says_so(page: Pa
     ],
 )
 def test_a_reply_that_does_not_say_how_large_the_window_was_has_what_was_said_before(
-    said: list[dict[str, Any]], size_px: list[int] | None
+    messages: list[dict[str, Any]], size_px: list[int] | None
 ) -> None:
-    pieces = [*said, {"kind": "reply", "step": 1, "reply": {}}]
+    pieces = [*messages, {"kind": "reply", "step": 1, "reply": {}}]
     events = [{"name": "trial_start", "t_ns": 0, "payload": {"trial_id": "T01", "attempt": 1}}]
     events += [
         {"name": "page_event", "t_ns": 5, "payload": {"tab": "a", "n": n, "at_ms": 1.0, **piece}}
@@ -261,7 +261,7 @@ def test_what_the_study_shows_no_more_is_said(
     page: Page, tmp_path: Path, change: tuple[str, str], names: list[str]
 ) -> None:
     assert "" == seen_again(page).problem
-    trial = seen_again(page, written(tmp_path, STUDY.replace(*change)))
+    trial = seen_again(page, write_study(tmp_path, STUDY.replace(*change)))
     assert trial.problem.startswith("not shown again: ")
     assert all(name in trial.problem for name in names)
 

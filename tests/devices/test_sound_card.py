@@ -55,44 +55,44 @@ class Played:
 
 @pytest.mark.parametrize("drift_ppm", [0.0, 80.0, -300.0])
 def test_onset_is_when_the_first_sample_leaves_the_card_by_the_sessions_clock(drift_ppm):
-    played = Played(latency_ms=23.0, drift_ppm=drift_ppm)
-    played.run(20.0)
-    played.device.play(noise(0.05))
-    played.run(0.2)
-    _, card_s = played.heard()
+    card = Played(latency_ms=23.0, drift_ppm=drift_ppm)
+    card.run(20.0)
+    card.device.play(noise(0.05))
+    card.run(0.2)
+    _, card_s = card.heard()
     truly_ns = (card_s - 1000.0) / (1 + drift_ppm * 1e-6) * NS_PER_S
-    assert truly_ns == pytest.approx(int(played.rows("began")["t_sounding_ns"][0]), abs=200_000)
+    assert truly_ns == pytest.approx(int(card.rows("began")["t_sounding_ns"][0]), abs=200_000)
 
 
 def test_what_is_heard_without_a_place_is_the_recording_itself():
-    played = Played()
+    card = Played()
     sound = noise(0.1)
-    played.device.play(sound, gain_db=-20.0)
-    played.run(0.3)
-    out, _ = played.heard()
+    card.device.play(sound, gain_db=-20.0)
+    card.run(0.3)
+    out, _ = card.heard()
     assert 0.1 * sound.samples[:, 0] == pytest.approx(out[: len(sound.samples), 0], abs=1e-6)
     assert out[:, 0].tolist() == out[:, 1].tolist()
 
 
 def test_recording_of_another_rate_keeps_its_pitch_and_length():
-    played = Played()
+    card = Played()
     tone = np.sin(2 * np.pi * 500 * np.arange(8820) / 44_100).astype(np.float32)[:, None] * 0.2
-    played.device.play(Waveform("tone", tone, 44_100))
-    played.run(0.4)
-    out, _ = played.heard()
+    card.device.play(Waveform("tone", tone, 44_100))
+    card.run(0.4)
+    out, _ = card.heard()
     strongest = np.argmax(np.abs(np.fft.rfft(out[:9600, 0]))) * RATE_HZ / 9600
     assert 500.0 == pytest.approx(strongest, abs=5.0)
-    row = played.rows("ended")["t_sounding_ns"] - played.rows("began")["t_sounding_ns"]
+    row = card.rows("ended")["t_sounding_ns"] - card.rows("began")["t_sounding_ns"]
     assert 0.2 * NS_PER_S == pytest.approx(int(row[0]), abs=NS_PER_MS)
 
 
 @pytest.mark.parametrize(("side", "near", "far"), [(1.0, 1, 0), (-1.0, 0, 1)])
 def test_source_at_one_side_comes_first_and_brighter_to_that_ear(side, near, far):
-    played = Played()
+    card = Played()
     sound = noise(0.5)
-    played.device.play(sound, at_m=np.array([2.0 * side, 1.2, 0.09]))
-    played.run(0.7)
-    out, _ = played.heard()
+    card.device.play(sound, at_m=np.array([2.0 * side, 1.2, 0.09]))
+    card.run(0.7)
+    out, _ = card.heard()
     lags = np.arange(-60, 61)
     together = [np.dot(out[100:20000, near], out[100 + k : 20000 + k, far]) for k in lags]
     later_s = lags[int(np.argmax(together))] / RATE_HZ
@@ -104,13 +104,13 @@ def test_source_at_one_side_comes_first_and_brighter_to_that_ear(side, near, far
 
 
 def test_source_stays_in_the_world_when_the_head_turns():
-    played = Played()
-    played.device.play(noise(1.0), at_m=np.array([3.0, 1.2, 0.0]), loops=True)
-    played.run(0.3)
+    card = Played()
+    card.device.play(noise(1.0), at_m=np.array([3.0, 1.2, 0.0]), loops=True)
+    card.run(0.3)
     turned = Pose(UPRIGHT.position_m, quat_from_yaw_pitch_deg(180.0, 0.0))
-    played.device.hear_from(turned)
-    played.run(0.3)
-    out, _ = played.heard()
+    card.device.hear_from(turned)
+    card.run(0.3)
+    out, _ = card.heard()
     before, after = out[2400:9600] ** 2, out[-4800:] ** 2
     assert before[:, 1].mean() > 1.5 * before[:, 0].mean()
     assert after[:, 0].mean() > 1.5 * after[:, 1].mean()
@@ -119,10 +119,10 @@ def test_source_stays_in_the_world_when_the_head_turns():
 def test_twice_as_far_is_half_as_loud():
     levels = []
     for far_m in (2.0, 4.0):
-        played = Played()
-        played.device.play(noise(0.5), at_m=np.array([0.0, 1.2, 0.09 - far_m]))
-        played.run(0.7)
-        levels.append(np.sqrt((played.heard()[0] ** 2).mean()))
+        card = Played()
+        card.device.play(noise(0.5), at_m=np.array([0.0, 1.2, 0.09 - far_m]))
+        card.run(0.7)
+        levels.append(np.sqrt((card.heard()[0] ** 2).mean()))
     assert 2.0 == pytest.approx(levels[0] / levels[1], rel=0.01)
 
 
@@ -139,38 +139,38 @@ def test_head_passes_low_tones_and_shades_high_ones_as_published(angle_deg):
 
 
 def test_sound_that_is_hushed_ends_without_a_click():
-    played = Played()
-    played.device.play(Waveform("level", np.full((48_000, 1), 0.5, np.float32), RATE_HZ))
-    played.run(0.2)
-    played.device.hush()
-    played.run(0.2)
-    out, _ = played.heard()
+    card = Played()
+    card.device.play(Waveform("level", np.full((48_000, 1), 0.5, np.float32), RATE_HZ))
+    card.run(0.2)
+    card.device.hush()
+    card.run(0.2)
+    out, _ = card.heard()
     assert np.abs(np.diff(out[100:, 0])).max() < 0.01
-    assert 1 == len(played.rows("stopped"))
+    assert 1 == len(card.rows("stopped"))
 
 
 def test_hole_in_the_sound_is_recorded_and_told():
     hole = FaultSchedule((WireFault("loss", 0.5, 0.05, 1.0),))
-    played = Played(faults=hole)
-    played.device.play(noise(1.0))
-    played.run(1.2)
-    assert len(played.rows("underflow")) >= 1
-    assert "holes in the sound" in played.device.check()[0].message
+    card = Played(faults=hole)
+    card.device.play(noise(1.0))
+    card.run(1.2)
+    assert len(card.rows("underflow")) >= 1
+    assert "holes in the sound" in card.device.check()[0].message
 
 
 def test_card_that_goes_and_comes_back_plays_on_and_tells_what_was_not_heard():
     gone = FaultSchedule((WireFault("disconnect", 1.0, 1.0),))
-    played = Played(faults=gone)
-    played.run(0.8)
+    card = Played(faults=gone)
+    card.run(0.8)
     with pytest.raises(DeviceDisconnected, match="sound card stopped"):
-        played.run(1.0)
-    assert DeviceState.FAULT == played.device.state
-    played.device.play(noise(0.1))
-    played.run(2.5)
-    played.device.play(noise(0.1))
-    played.run(0.3)
-    assert [1] == played.rows("began")["sound"].tolist()
-    assert "1 sounds were not heard" in played.device.check()[0].message
+        card.run(1.0)
+    assert DeviceState.FAULT == card.device.state
+    card.device.play(noise(0.1))
+    card.run(2.5)
+    card.device.play(noise(0.1))
+    card.run(0.3)
+    assert [1] == card.rows("began")["sound"].tolist()
+    assert "1 sounds were not heard" in card.device.check()[0].message
 
 
 def test_output_that_does_not_exist_is_told_with_what_to_do():
@@ -194,29 +194,29 @@ def test_name_that_no_output_bears_is_told():
 
 
 def test_card_that_was_away_when_it_was_stopped_is_opened_again_at_the_start():
-    played = Played(faults=FaultSchedule((WireFault("disconnect", 1.0, 1.0),)))
+    card = Played(faults=FaultSchedule((WireFault("disconnect", 1.0, 1.0),)))
     with pytest.raises(DeviceDisconnected):
-        played.run(1.5)
-    played.device.stop()
-    played.clock.sleep_until_ns(played.clock.now_ns() + NS_PER_S)
-    played.device.start(played.batches.append)
-    played.device.play(noise(0.1))
-    played.run(0.3)
-    assert 1 == len(played.rows("began"))
+        card.run(1.5)
+    card.device.stop()
+    card.clock.sleep_until_ns(card.clock.now_ns() + NS_PER_S)
+    card.device.start(card.batches.append)
+    card.device.play(noise(0.1))
+    card.run(0.3)
+    assert 1 == len(card.rows("began"))
 
 
 def test_card_that_does_not_stamp_is_recorded_as_such():
-    played = Played()
-    callback = played.device._stream._callback
+    card = Played()
+    callback = card.device._stream._callback
 
     def unstamped(out, n, times, status):
         times.outputBufferDacTime = 0.0  # as some of PortAudio's interfaces have it
         callback(out, n, times, status)
 
-    played.device._stream._callback = unstamped
-    played.device.play(noise(0.05))
-    played.run(0.2)
-    row = played.rows("began")[0]
+    card.device._stream._callback = unstamped
+    card.device.play(noise(0.05))
+    card.run(0.2)
+    row = card.rows("began")[0]
     assert not row["stamped"]
-    truly_ns = (played.heard()[1] - 1000.0) * NS_PER_S
+    truly_ns = (card.heard()[1] - 1000.0) * NS_PER_S
     assert truly_ns == pytest.approx(int(row["t_sounding_ns"]), abs=200_000)

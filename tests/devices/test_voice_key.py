@@ -248,11 +248,11 @@ def test_card_without_stamps_is_told_and_times_are_arrival_less_latency():
     key = Key([5.0])
     callback = key.device._stream._callback
 
-    def unstamped(data, n, times, status):
+    def without_stamps(data, n, times, status):
         times.inputBufferAdcTime = 0.0  # as some of PortAudio's interfaces have it
         callback(data, n, times, status)
 
-    key.device._stream._callback = unstamped
+    key.device._stream._callback = without_stamps
     key.run(3.0, step_ms=1)
     assert [5.0] == pytest.approx(key.times_s(1.0), abs=0.006)
     assert "arrival less latency" in key.device.check()[0].message

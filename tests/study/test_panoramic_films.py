@@ -47,7 +47,7 @@ def trial(t):
 def answer(seen, response, rng):
     return 1
 """
-SHOWN = STUDY[STUDY.index("yield") : STUDY.index("@study.answer")].strip()
+SHOW_LINE = STUDY[STUDY.index("yield") : STUDY.index("@study.answer")].strip()
 PICTURES = 38
 LASTS_S = PICTURES / RATE_HZ
 LEFT = """
@@ -69,11 +69,11 @@ def film(tmp_path_factory):
     return write_film_around(tmp_path_factory.mktemp("films") / "lake.mp4", PICTURES, is_heard=True)
 
 
-def lake_study(folder, film, line=SHOWN):
+def lake_study(folder, film, line=SHOW_LINE):
     shutil.copy(film, folder)
     (folder / "left.yaml").write_text(LEFT)
     (folder / "right.yaml").write_text(RIGHT)
-    (folder / "lake.py").write_text(STUDY.replace(SHOWN, line))
+    (folder / "lake.py").write_text(STUDY.replace(SHOW_LINE, line))
     return find_study(str(folder / "lake.py"))
 
 

@@ -57,7 +57,7 @@ def searcher(area):
         0,
         1,
         responses={"f or j": keys},
-        answer_of=lambda seen, response, rng: WhenGazeOn("f", area, other_s=0.4),
+        answer_of=lambda view, response, rng: WhenGazeOn("f", area, other_s=0.4),
     )
     person.prepare(1, 0)
     return person

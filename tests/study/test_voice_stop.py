@@ -42,10 +42,10 @@ def lab(folder: Path, driver: str = "voice_and_keyboard") -> LabConfig:
     return config.model_copy(update={**roots, "devices": {**config.devices, "responses": key}})
 
 
-def perform(folder: Path, text: str = STUDY, **asked: str) -> Recording:
+def perform(folder: Path, text: str = STUDY, **sections: str) -> Recording:
     (folder / "halt.py").write_text(text, encoding="utf-8")
     study = find_study(str(folder / "halt.py"))
-    config = lab(folder, **asked)
+    config = lab(folder, **sections)
     request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
     return Recording(perform_new(request))
 

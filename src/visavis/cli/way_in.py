@@ -48,11 +48,11 @@ class Way:
         `is_lan`; "" where they do not.
         """
         parts = urlsplit(self.public)
-        typed = parts.port or 443
-        if not self.is_lan or not self.public or typed == port:
+        at_port = parts.port or 443
+        if not self.is_lan or not self.public or at_port == port:
             return ""
         return (
-            f"{self.public} leads browsers to port {typed}, and this listens at {port}: unless "
+            f"{self.public} leads browsers to port {at_port}, and this listens at {port}: unless "
             f"something leads from there to here, say --public https://{parts.hostname}:{port}"
         )
 

@@ -301,9 +301,9 @@ def _without_lost_packets(steps: Times, pattern: _Pattern) -> Times:
     between = steps[long_rows]
     around = np.pad(between, PACKETS_NEARBY // 2, "reflect")
     usual = np.median(np.lib.stride_tricks.sliding_window_view(around, PACKETS_NEARBY), axis=1)
-    shortened = steps.copy()
-    shortened[long_rows] = np.where(between > USUAL_STEPS * usual, usual, between)
-    return shortened
+    short_steps = steps.copy()
+    short_steps[long_rows] = np.where(between > USUAL_STEPS * usual, usual, between)
+    return short_steps
 
 
 def _first_row_of(steps: Times, row: int, size: int, before_ns: float, after_ns: float) -> int:

@@ -22,12 +22,12 @@ def painted_outlines(area: Area, tolerance_px: float, around_px: int = 0) -> lis
     """
     runs = unpack_runs(area.pixels)
     if around_px:
-        runs = _joined(runs, around_px)
+        runs = _join_seam(runs, around_px)
     outlines = [one.astype(np.float64) for one in outlines_of(runs, tolerance_px)]
     return outlines or [np.array([area.middle()])]
 
 
-def _joined(runs: npt.NDArray[np.int32], around_px: int) -> npt.NDArray[np.int32]:
+def _join_seam(runs: npt.NDArray[np.int32], around_px: int) -> npt.NDArray[np.int32]:
     """Return runs with what lies beyond the last empty column moved to before the first."""
     changes = np.zeros(around_px + 1, np.int64)
     np.add.at(changes, runs[:, 1], 1)
@@ -36,10 +36,10 @@ def _joined(runs: npt.NDArray[np.int32], around_px: int) -> npt.NDArray[np.int32
     if is_empty[0] or is_empty[-1] or not is_empty.any():
         return runs
     beyond = runs[:, 1] > np.flatnonzero(is_empty)[-1]
-    joined: npt.NDArray[np.int32] = runs - beyond[:, None] * np.array(
+    whole: npt.NDArray[np.int32] = runs - beyond[:, None] * np.array(
         [0, around_px, around_px], np.int32
     )
-    return joined
+    return whole
 
 
 def outlines_of(runs: npt.NDArray[np.int32], tolerance_px: float) -> list[Ints]:

@@ -73,11 +73,11 @@ def _film(path: Path, size_px: tuple[int, int], stereo: Stereo) -> PictureReader
     """Return one reader of a film: it stays open from one showing to the next."""
     course = object()
 
-    def split(pixels: Pixels) -> PanoramaPixels:
+    def split_eyes(pixels: Pixels) -> PanoramaPixels:
         crc32 = zlib.crc32(pixels[::CHECKED_EVERY].tobytes())
         return PanoramaPixels(_eyes(pixels, stereo), crc32, course)
 
-    return PictureReader(path, size_px, split, is_around=True)
+    return PictureReader(path, size_px, split_eyes, is_around=True)
 
 
 @lru_cache(maxsize=512)

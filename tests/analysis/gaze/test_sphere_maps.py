@@ -60,9 +60,9 @@ def test_reversed_gaze_moves_the_map() -> None:
     right_deg, up_deg = np.array([20.5, 25.5, 100.5]), np.array([10.5, -60.5, 40.5])
     seconds = np.array([1.0, 2.0, 3.0])
     as_it_was = sphere_map(GRID, right_deg, up_deg, seconds)
-    mirrored = sphere_map(GRID, -right_deg, -up_deg, seconds)
-    np.testing.assert_allclose(as_it_was[::-1, ::-1], mirrored, atol=1e-12)
-    assert not np.allclose(as_it_was, mirrored, atol=0.01)
+    mirror_map = sphere_map(GRID, -right_deg, -up_deg, seconds)
+    np.testing.assert_allclose(as_it_was[::-1, ::-1], mirror_map, atol=1e-12)
+    assert not np.allclose(as_it_was, mirror_map, atol=0.01)
 
 
 def test_a_difference_across_the_seam_is_one_cluster_and_ends_where_it_ends() -> None:

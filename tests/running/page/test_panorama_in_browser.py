@@ -103,8 +103,8 @@ def test_arrow_keys_turn_the_view_through_a_reload_and_a_kill(server: Server, br
     assert 30 == pytest.approx(rows.loc[60, "view_range_deg"], abs=0.01)
     assert 30 == pytest.approx(rows.loc[-90, "view_range_deg"], abs=0.01)
     events = recording.events()
-    turned = events.loc[events["name"] == VIEW_TURNED, "payload"]
-    goals = [(p["to_yaw_deg"], p["to_pitch_deg"]) for p in turned]
+    turns = events.loc[events["name"] == VIEW_TURNED, "payload"]
+    goals = [(p["to_yaw_deg"], p["to_pitch_deg"]) for p in turns]
     assert [(30, 0), (30, 30), (-30, 0)] == goals
     for row, expected in ((rows.loc[60], (90, 30)), (rows.loc[-90], (-120, 0))):
         times_ns = [int(row["stimulus_on_ns"]), int(row["stimulus_off_ns"]) - 10**7]

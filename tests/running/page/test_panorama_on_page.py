@@ -86,8 +86,8 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 
 def turns_of(recording: CachedRecording, row: Any, name: str = "stimulus") -> list[Any]:
-    turned = recording.events_named(VIEW_TURNED, 1)["payload"]
-    return [p for p in turned if (p["trial_id"], p["name"]) == (row["trial_id"], name)]
+    turns = recording.events_named(VIEW_TURNED, 1)["payload"]
+    return [p for p in turns if (p["trial_id"], p["name"]) == (row["trial_id"], name)]
 
 
 def test_simulated_people_turn_the_view_and_are_measured_from_the_recording(session: Any) -> None:
@@ -245,7 +245,7 @@ def test_the_script_of_a_page_turns_the_view_by_the_rule_of_monitors() -> None:
     assert None in rows  # up and down it does not go further
 
 
-FORGED = [
+FORGERIES = [
     (reply_of(None), "a list of"),
     (reply_of([[2000.0, [0, 0]]]), "rows of ms, from and to"),
     (reply_of([[2000.0, [0, 0], [30]]]), "to the right and upwards"),
@@ -267,7 +267,7 @@ FORGED = [
 ]
 
 
-@pytest.mark.parametrize(("content", "says"), FORGED, ids=range(len(FORGED)))
+@pytest.mark.parametrize(("content", "says"), FORGERIES, ids=range(len(FORGERIES)))
 def test_a_forged_turn_is_refused(content: Any, says: str, tmp_path: Path) -> None:
     step = trial_of(tmp_path)[3]
     check_reply(step, reply_of([RIGHT], [[9000.0, [30, 0], [60, 0]]]))

@@ -85,10 +85,16 @@ def page_content(
     problems: dict[str, str] = {}
     if on_page:
         models = models_for(bundle, [])
-        seen = [seen_trial(study, recording, trial_row(recording, name)) for name in trial_ids]
-        pages, films = pages_of(seen, bundle, times.s, on_trial)
-        scenes = [flat_page_scenes(recording, trial, models, bundle, times) for trial in seen]
-        problems = {str(trial.row["trial_id"]): trial.problem for trial in seen if trial.problem}
+        trials_again = [
+            seen_trial(study, recording, trial_row(recording, name)) for name in trial_ids
+        ]
+        pages, films = pages_of(trials_again, bundle, times.s, on_trial)
+        scenes = [
+            flat_page_scenes(recording, trial, models, bundle, times) for trial in trials_again
+        ]
+        problems = {
+            str(trial.row["trial_id"]): trial.problem for trial in trials_again if trial.problem
+        }
         contents = [{"scenes": own, "gazeEnds": [], "fixations": []} for own in scenes]
     trials = [] if on_page else [recorded_trial(recording, name) for name in trial_ids]
     in_space = InSpace(study, recording, times)

@@ -215,8 +215,8 @@ def _holds(one: PictureAreas, eye_m: Vector, place_m: Vector, t_ns: Sequence[int
     towards = np.tile(unit(place_m - eye_m), (count, 1))
     if isinstance(one, SurroundingAreas):
         one = replace(one, screen=None)
-    met = one.areas_met(eyes_m, towards, np.array(t_ns), 0.0)
-    return (met >= 0).astype(np.float64)[:, None]
+    area_numbers = one.areas_met(eyes_m, towards, np.array(t_ns), 0.0)
+    return (area_numbers >= 0).astype(np.float64)[:, None]
 
 
 def _lines(area: Area, now: Sequence[Area | None], sheet: PictureAreas) -> list[Vector]:

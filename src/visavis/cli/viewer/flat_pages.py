@@ -79,14 +79,14 @@ def _scene(
 
 def _words_of_window(part: SeenPart) -> str:
     page = part.page
-    assumed = [
+    assumptions = [
         what
         for what, by in (("screen's size", page.size_by), ("distance", page.distance_by))
         if by == ASSUMED
     ]
     scale = f"{page.px_per_deg:.1f} px per degree"
-    if assumed:
-        scale += f", {' and '.join(assumed)} assumed"
+    if assumptions:
+        scale += f", {' and '.join(assumptions)} assumed"
     if part.window_px is None:
         return f"{scale}; the window's size was not recorded: its edges are not drawn"
     wide, high = part.window_px
@@ -97,8 +97,8 @@ def _areas(
     record: TrialRecord, name: str, scene: FlatScene
 ) -> tuple[tuple[PictureAreas, ...], bool]:
     """Return the areas of interest of what was shown, and whether the recording has them."""
-    recorded = areas_shown(record, name) if name else ()
-    areas = tuple(one for one in recorded if not isinstance(one, RoomAreas))
+    areas_recorded = areas_shown(record, name) if name else ()
+    areas = tuple(one for one in areas_recorded if not isinstance(one, RoomAreas))
     return (areas, True) if areas else (areas_of(scene), False)
 
 

@@ -171,11 +171,11 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
         pass
     except (PageError, DesignError) as error:
         problem = str(error)
-    lost = _shown_otherwise(row, again)
-    if lost:
+    missing = _shown_otherwise(row, again)
+    if missing:
         # An earlier version of the study was performed.
         why = problem or "the study shows something else today"
-        problem = f"not shown again: {', '.join(lost)}; {why}"
+        problem = f"not shown again: {', '.join(missing)}; {why}"
     return SeenTrial(row, tuple(seen_steps), film_store(experiment), problem)
 
 
@@ -234,10 +234,10 @@ def _parts(step: PageStep, reply: Reply, folder: Path) -> tuple[SeenPart, ...]:
     screen, page = screen_of(reply.content, USUAL_VIEW_PX), read_screen(reply.content.get("screen"))
     window_px = (screen.width_px, screen.height_px) if "view_px" in reply.content else None
     parts, since_ns, lights = [], 0, list[Mapping[str, Any]]()
-    lit = read_lit(reply.content)
-    if len(lit) > len(step.content["parts"]):
-        raise PageError(f"{len(lit)} parts were shown, not {len(step.content['parts'])}")
-    for k, (part, light) in enumerate(zip(step.content["parts"], lit, strict=False)):
+    lightings = read_lit(reply.content)
+    if len(lightings) > len(step.content["parts"]):
+        raise PageError(f"{len(lightings)} parts were shown, not {len(step.content['parts'])}")
+    for k, (part, light) in enumerate(zip(step.content["parts"], lightings, strict=False)):
         on_ns, off_ns = reply.t_ns_of(light.on_ms), reply.t_ns_of(light.off_ms)
         if not part.get("goes_on"):
             since_ns = on_ns
