@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -127,6 +128,21 @@ def test_writer_rests_while_nothing_happens_and_is_woken_by_a_line_and_by_a_stre
     summary = recorder.close("complete")
     assert [stream.rows for stream in summary.streams] == [3]
     assert not rests.acquire(blocking=False), "a stream has to be written when its time has come"
+
+
+def test_where_a_stream_is_declared_no_event_precedes_samples_that_came_before_it(
+    tmp_path: Path,
+) -> None:
+    recorder = recorder_in(tmp_path / "part-01", threaded=True, max_batch_ns=60 * NS_PER_S)
+    recorder.append(probe_batch(0, 5))
+    recorder.event("batch_of_probe", 1)
+    recorder.declare(replace(PROBE, name="other"))
+    lines = (tmp_path / "part-01" / JOURNAL_NAME).read_bytes().splitlines()
+    assert "batch_of_probe" in [(decode_line(line) or {}).get("name") for line in lines]
+    with pa.OSFile(str(tmp_path / "part-01" / "probe.arrows")) as source:
+        batches = [batch["seq"].to_pylist() for batch in pa.ipc.open_stream(source)]
+    recorder.close("aborted")
+    assert [[0, 1, 2, 3, 4]] == batches
 
 
 def test_a_queue_that_overflows_raises_and_counts(tmp_path: Path) -> None:

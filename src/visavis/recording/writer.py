@@ -132,7 +132,10 @@ class Recorder:
         # stream is of this part already, so that a disk that refuses this line leaves no stranger.
         copy = base64.b64encode(encoder.header).decode()
         self._add_line({"kind": "stream", "name": schema.name, "t_ns": 0, "header": copy})
-        self._guard(self._write_pending_lines)
+        if threaded:
+            self.checkpoint()  # no event precedes samples of other streams that still wait
+        else:
+            self._guard(self._write_pending_lines)
 
     def append(self, batch: SampleBatch) -> None:
         """Take the samples of one batch; copies them and never waits for the disk.
