@@ -13,6 +13,8 @@ from visavis.lab.geometry import Vector
 _CELL_M = 0.02
 _MAX_CELLS = 96
 _SLACK = 1e-12
+_ROUNDING_M = 1e-9
+"""Two faces meet in what their boxes share, but for rounding."""
 
 
 class _Grid(NamedTuple):
@@ -50,49 +52,52 @@ def crossing_box(
     floor, ceiling = np.full(cells, -np.inf), np.full(cells, np.inf)
     _narrow(boxes, spans, grid, floor, ceiling)
     _narrow(mine, reach, grid, floor, ceiling)
-    # Faces of b as linked lists, one for each cell.
-    head = np.full(cells, -1, np.int32)
-    entries = 0
+    # Faces of b by cell, their boxes one after the other.
+    begin = np.zeros(cells + 1, np.int32)
     for j in range(near_b.shape[0]):
-        entries += (spans[j, 2] - spans[j, 0]) * (spans[j, 3] - spans[j, 1])
-    after = np.empty(entries, np.int32)
-    owner = np.empty(entries, np.int32)
-    n = 0
+        for x in range(spans[j, 0], spans[j, 2]):
+            for y in range(spans[j, 1], spans[j, 3]):
+                cell = x * grid.shape[1] + y
+                begin[cell + 1] += boxes[j, 2] <= ceiling[cell] and boxes[j, 5] >= floor[cell]
+    most = 0
+    for cell in range(cells):
+        most = max(most, begin[cell + 1])
+        begin[cell + 1] += begin[cell]
+    box = np.empty((2, 3))
+    box[0], box[1] = np.inf, -np.inf
+    n_meetings = 0
+    if most == 0:
+        return 0, box
+    owner, theirs = np.empty(begin[cells], np.int32), np.empty((begin[cells], 6))
+    after = begin[:cells].copy()
     for j in range(near_b.shape[0]):
         for x in range(spans[j, 0], spans[j, 2]):
             for y in range(spans[j, 1], spans[j, 3]):
                 cell = x * grid.shape[1] + y
                 if boxes[j, 2] <= ceiling[cell] and boxes[j, 5] >= floor[cell]:
-                    after[n], owner[n] = head[cell], j
-                    head[cell] = n
-                    n += 1
-    box = np.empty((2, 3))
-    box[0], box[1] = np.inf, -np.inf
-    n_meetings = 0
-    if n == 0:
-        return 0, box
+                    owner[after[cell]] = j
+                    theirs[after[cell]] = boxes[j]
+                    after[cell] += 1
+    hits = np.empty(most + 1, np.int32)
     for i in range(near_a.shape[0]):
         for x in range(reach[i, 0], reach[i, 2]):
             for y in range(reach[i, 1], reach[i, 3]):
                 cell = x * grid.shape[1] + y
                 if mine[i, 2] > ceiling[cell] or mine[i, 5] < floor[cell]:
                     continue
-                entry = head[cell]
-                while entry >= 0:
-                    j = owner[entry]
-                    entry = after[entry]
-                    # one branch in the place of six: most boxes are apart
-                    if (
-                        (mine[i, 2] > boxes[j, 5])
-                        | (boxes[j, 2] > mine[i, 5])
-                        | (mine[i, 0] > boxes[j, 3])
-                        | (boxes[j, 0] > mine[i, 3])
-                        | (mine[i, 1] > boxes[j, 4])
-                        | (boxes[j, 1] > mine[i, 4])
-                    ):
-                        continue
+                n_hits = boxes_meeting(mine[i], theirs[begin[cell] : begin[cell + 1]], hits)
+                for hit in hits[:n_hits]:
+                    j = owner[begin[cell] + hit]
                     # a pair that shares several cells is looked at in the first alone
                     if x != max(reach[i, 0], spans[j, 0]) or y != max(reach[i, 1], spans[j, 1]):
+                        continue
+                    # nor one that could not widen the box
+                    inside = True
+                    for k in range(3):
+                        low = max(mine[i, k], boxes[j, k]) - _ROUNDING_M
+                        high = min(mine[i, k + 3], boxes[j, k + 3]) + _ROUNDING_M
+                        inside &= (low >= box[0, grid.axes[k]]) & (high <= box[1, grid.axes[k]])
+                    if inside:
                         continue
                     f, g = near_a[i], near_b[j]
                     # Most pairs end here: one triangle lies on one side of the other's plane.
@@ -103,6 +108,28 @@ def crossing_box(
                     n_meetings += edges_through(vertices_a, faces_a, f, vertices_b, faces_b, g, box)
                     n_meetings += edges_through(vertices_b, faces_b, g, vertices_a, faces_a, f, box)
     return n_meetings, box
+
+
+@compiled
+def boxes_meeting(box: Vector, boxes: Vector, hits: Crossings) -> int:
+    """Write which of some boxes (n, 6) meet a box (6,), touching included; return how many.
+
+    `hits` has room for one more than there are.
+    """
+    x0, y0, z0, x1, y1, z1 = box[0], box[1], box[2], box[3], box[4], box[5]
+    n = 0
+    for k in range(boxes.shape[0]):
+        hits[n] = k
+        # no branch: which boxes meet is hard to foresee
+        n += (
+            (boxes[k, 5] >= z0)
+            & (boxes[k, 2] <= z1)
+            & (boxes[k, 3] >= x0)
+            & (boxes[k, 0] <= x1)
+            & (boxes[k, 4] >= y0)
+            & (boxes[k, 1] <= y1)
+        )
+    return n
 
 
 @compiled

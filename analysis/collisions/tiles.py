@@ -145,9 +145,12 @@ def reach(
             low = min(place[a, 2], place[b, 2], place[c, 2])
             high = max(place[a, 2], place[b, 2], place[c, 2])
             far[a] = far[b] = far[c] = 1
-            for v in range(max(row, 0), min(past_row, n_v) + 1):
-                for u in range(max(begin, 0), min(end, n_u) + 1):
-                    tile = tile_of(u, v, across)
+            first_u = (max(begin, 0) + MARGIN) >> TILE
+            past_u = ((min(end, n_u) + MARGIN) >> TILE) + 1
+            first_v = (max(row, 0) + MARGIN) >> TILE
+            past_v = ((min(past_row, n_v) + MARGIN) >> TILE) + 1
+            for v in range(first_v, past_v):
+                for tile in range(v * across + first_u, v * across + past_u):
                     low_w[tile] = min(low_w[tile], low)
                     high_w[tile] = max(high_w[tile], high)
     return candidates[:n]
