@@ -6,7 +6,7 @@ import numpy.typing as npt
 from visavis.analysis.collisions.columns import bounds, columns_in_both, faces_near, sides_of
 from visavis.analysis.collisions.contact import crossing_box
 from visavis.analysis.collisions.meshes import Faces
-from visavis.analysis.collisions.tiles import Lattice
+from visavis.analysis.collisions.tiles import Crossings, Lattice
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 
@@ -57,13 +57,32 @@ def measure_within(
     columns_wanted: int,
 ) -> tuple[float, Vector, float, int, int]:
     """Measure as `measure_pair` what two bodies share inside a box."""
+    if low_m[0] >= high_m[0] or low_m[1] >= high_m[1] or low_m[2] >= high_m[2]:
+        return 0.0, np.full(3, np.nan), cell_m, 0, 0
+    axis = longest_side(low_m, high_m)
+    own_a, shape_a = in_shadow(vertices_a, faces_a, axis, low_m, high_m)
+    own_b, shape_b = in_shadow(vertices_b, faces_b, axis, low_m, high_m)
+    return measure_shadows(
+        own_a, shape_a, own_b, shape_b, low_m, high_m, cell_m, refine_below_m3, columns_wanted
+    )
+
+
+@compiled
+def measure_shadows(
+    own_a: Vector,
+    shape_a: Faces,
+    own_b: Vector,
+    shape_b: Faces,
+    low_m: Vector,
+    high_m: Vector,
+    cell_m: float,
+    refine_below_m3: float,
+    columns_wanted: int,
+) -> tuple[float, Vector, float, int, int]:
+    """Measure as `measure_within` from what lies in the shadow of the box's longest side alone."""
     nothing = np.full(3, np.nan)
     low, high = low_m, high_m
-    if low[0] >= high[0] or low[1] >= high[1] or low[2] >= high[2]:
-        return 0.0, nothing, cell_m, 0, 0
-    axis = longest_side(low, high)  # fewest columns, and most faces lie along them
-    own_a, shape_a = _in_shadow(vertices_a, faces_a, axis, low, high)
-    own_b, shape_b = _in_shadow(vertices_b, faces_b, axis, low, high)
+    axis = longest_side(low, high)
     if shape_a.shape[0] == 0 or shape_b.shape[0] == 0:
         return 0.0, nothing, cell_m, 0, 0
     # Coarse pass over the whole box.
@@ -95,8 +114,8 @@ def measure_within(
     sides = fine_high - fine_low
     footprint = sides[(axis + 1) % 3] * sides[(axis + 2) % 3]
     fine_m = min(cell_m / 2, np.sqrt(footprint / columns_wanted))
-    own_a, shape_a = _in_shadow(own_a, shape_a, axis, fine_low, fine_high)
-    own_b, shape_b = _in_shadow(own_b, shape_b, axis, fine_low, fine_high)
+    own_a, shape_a = in_shadow(own_a, shape_a, axis, fine_low, fine_high)
+    own_b, shape_b = in_shadow(own_b, shape_b, axis, fine_low, fine_high)
     volume, centre, n, active, common_box = measure_box(
         own_a, shape_a, own_b, shape_b, axis, fine_low, fine_high, fine_m
     )
@@ -115,7 +134,10 @@ def measure_within(
 
 @compiled
 def longest_side(low_m: Vector, high_m: Vector) -> int:
-    """Return the axis along which a box is longest."""
+    """Return the axis along which a box is longest.
+
+    Columns along it are fewest, and most faces lie along them.
+    """
     axis = 0
     for k in range(1, 3):
         if high_m[k] - low_m[k] > high_m[axis] - low_m[axis]:
@@ -177,7 +199,7 @@ def measure_box(
 
 
 @compiled
-def _in_shadow(
+def in_shadow(
     vertices_m: Vector, faces: Faces, axis: int, low_m: Vector, high_m: Vector
 ) -> tuple[Vector, Faces]:
     """Return the faces, and their corners alone, that a column through a box may cross.
@@ -186,9 +208,20 @@ def _in_shadow(
     still tells on which side of the surface a column begins.
     """
     near = faces_near(faces, _sides_across(vertices_m, axis, low_m, high_m))
-    n = near.shape[0]
     number = np.full(vertices_m.shape[0], -1, np.int32)
-    corners = np.empty((min(3 * n, vertices_m.shape[0]), 3))
+    return corners_of(vertices_m, faces, near, number, vertices_m.shape[0])
+
+
+@compiled
+def corners_of(
+    vertices_m: Vector, faces: Faces, near: Crossings, number: Crossings, most: int
+) -> tuple[Vector, Faces]:
+    """Return the corners of some faces, at most so many, and these faces with them alone.
+
+    `number` (v,) is -1 at every corner, and written.
+    """
+    n = near.shape[0]
+    corners = np.empty((min(3 * n, most), 3))
     renumbered = np.empty((n, 3), np.int32)
     m = 0
     for i in range(n):

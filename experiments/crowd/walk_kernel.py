@@ -4,16 +4,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from visavis.analysis.collisions.pair import measure_within
+from visavis.analysis.collisions.pair import longest_side, measure_shadows
 from visavis.analysis.collisions.skinned import (
     Bodies,
-    any_boxes_meet,
+    body_of,
     box_of_meetings,
     boxes_meet,
-    group_boxes,
-    joint_moves,
-    posed_boxes,
-    skin_vertices,
+    move_joints,
+    room_for,
+    shadow,
 )
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
@@ -52,16 +51,8 @@ def volumes_of_walk(
     `positions` (n, 22, 3) and `worlds` (n, 22, 4) move `own`, the one surface of a participant;
     person p has surface `people[p, 15]` of `others`. Steps with a lost joint are NaN.
     """
-    # Buffers once for all steps: nothing is allocated within the loops.
-    most = 0
-    for k in range(others.groups.shape[0]):
-        most = max(most, others.vertex[k + 1] - others.vertex[k])
-    theirs_m = np.empty((most, 3))
-    own_m = np.empty((own.rest_m.shape[0], 3))
-    own_moves, moves = np.empty((N_JOINTS, 3, 4)), np.empty((N_JOINTS, 3, 4))
-    own_boxes, boxes = np.empty((N_JOINTS, 6)), np.empty((N_JOINTS, 6))
-    own_tight, tight = np.empty((own.slices[0], 6)), np.empty((others.slices.max(), 6))
-    own_whole, whole = np.empty(6), np.empty(6)
+    # Buffers once for all steps; most vertices stay unposed at most of them.
+    me, them = room_for(own), room_for(others)
     common_box = np.empty((2, 3))
     root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
     position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
@@ -69,72 +60,36 @@ def volumes_of_walk(
         if not np.isfinite(positions[i].sum() + worlds[i].sum()):
             volumes[i] = np.nan
             continue
-        joint_moves(positions[i], worlds[i], own.joints_m[0], own_scale, own_moves)
-        group_boxes(
-            own.group,
-            own.joint,
-            own.centre_m,
-            own.half_m,
-            own.groups[0],
-            own_moves,
-            own_boxes,
-            own_whole,
-        )
-        is_skinned = False
+        move_joints(own, positions[i], worlds[i], own_scale, me)
         for p in range(people.shape[0]):
             volumes[i, p] = 0.0
             # Test 1: distance on the floor, before the person is posed at all.
-            dx = max(own_whole[0] - people[p, 0], 0.0, people[p, 0] - own_whole[3])
-            dz = max(own_whole[2] - people[p, 1], 0.0, people[p, 1] - own_whole[5])
+            dx = max(me.whole[0] - people[p, 0], 0.0, people[p, 0] - me.whole[3])
+            dz = max(me.whole[2] - people[p, 1], 0.0, people[p, 1] - me.whole[5])
             if dx * dx + dz * dz > how.reach_m * how.reach_m:
                 continue
-            who = int(people[p, 15])
+            other = body_of(others, int(people[p, 15]))
             place_person(people[p], crowd_t_s[i], figures, root, local, position, world)
-            joint_moves(position[0], world[0], others.joints_m[who], 1.0, moves)
-            q0, q1 = others.piece[who], others.piece[who + 1]
-            n = others.groups[who]
-            group_boxes(
-                others.group[q0:q1],
-                others.joint[q0:q1],
-                others.centre_m[q0:q1],
-                others.half_m[q0:q1],
-                n,
-                moves,
-                boxes,
-                whole,
-            )
-            # Test 2: boxes of the posed bodies, whole, then piece by piece.
-            if not boxes_meet(own_whole, whole):
+            move_joints(other, position[0], world[0], 1.0, them)
+            # Test 2: boxes of whole bodies, then of slices before and after they are posed.
+            if not boxes_meet(me.whole, them.whole):
                 continue
-            if not any_boxes_meet(own_boxes, own.groups[0], boxes, n, whole):
+            if not box_of_meetings(own, me, other, them, how.only_near, common_box):
                 continue
             if how.only_near:
                 volumes[i, p] = 1.0
                 continue
-            # The participant's surface is skinned at most once a step, for the first near person.
-            if not is_skinned:
-                skin_vertices(own.rest_m, own.bones, own.weights, own_moves, own_m)
-                posed_boxes(own_m, own.corner, own.slice, own.slices[0], own_tight)
-                is_skinned = True
-            v0, v1 = others.vertex[who], others.vertex[who + 1]
-            f0, f1 = others.face[who], others.face[who + 1]
-            mesh_m = theirs_m[: v1 - v0]
-            skin_vertices(
-                others.rest_m[v0:v1], others.bones[v0:v1], others.weights[v0:v1], moves, mesh_m
-            )
-            # Test 3: boxes of the skinned slices, which also bound where to measure.
-            n = others.slices[who]
-            c0, c1 = others.corners[who], others.corners[who + 1]
-            posed_boxes(mesh_m, others.corner[c0:c1], others.slice[c0:c1], n, tight)
-            if not box_of_meetings(own_tight, own.slices[0], tight, n, whole, common_box):
-                continue
-            measured_pair = measure_within(
-                own_m,
-                own.faces,
-                mesh_m,
-                others.faces[f0:f1],
-                common_box[0],
-                common_box[1],
+            low, high = common_box[0], common_box[1]
+            axis = longest_side(low, high)
+            mine_m, my_faces = shadow(own, me, axis, low, high)
+            theirs_m, their_faces = shadow(other, them, axis, low, high)
+            measured_pair = measure_shadows(
+                mine_m,
+                my_faces,
+                theirs_m,
+                their_faces,
+                low,
+                high,
                 how.cell_m,
                 how.refine_below_m3,
                 how.fine_columns,

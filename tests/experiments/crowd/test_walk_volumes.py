@@ -18,11 +18,11 @@ from visavis.analysis.collisions import (
 from visavis.analysis.collisions.pair import measure_within
 from visavis.analysis.collisions.skinned import (
     SkinnedBody,
-    box_of_meetings,
-    group_boxes,
-    joint_moves,
-    pack,
-    posed_boxes,
+    body_of,
+    move_joints,
+    pose_slices,
+    room_for,
+    skin_vertices,
 )
 from visavis.experiments.crowd.collision_measures import (
     SURFACE_REACH_M,
@@ -35,6 +35,7 @@ from visavis.experiments.crowd.surfaces import (
     checked_surface,
     crowd_surfaces,
     own_surface,
+    own_surfaces,
     person_surface,
 )
 from visavis.lab.body_joints import BODY_JOINTS
@@ -51,49 +52,64 @@ def walk():
     return carried(2.0, step_s=0.05)
 
 
-def volume_within(own, mesh, other, other_mesh):
-    """Return the common volume of two posed bodies in the box of what their slices share."""
-    boxes = []
-    for body, posed in ((own, mesh), (other, other_mesh)):
-        packed = pack([body])
-        n = int(packed.slices[0])
-        boxes.append(np.empty((n, 6)))
-        posed_boxes(posed.vertices_m, packed.corner, packed.slice, n, boxes[-1])
-    everywhere, shared = np.array([-np.inf] * 3 + [np.inf] * 3), np.empty((2, 3))
-    a, b = boxes
-    if not box_of_meetings(a, len(a), b, len(b), everywhere, shared):
+def in_pose(bodies, i, position, world, scale=1.0):
+    """Return body i of some, and its pose: wide boxes, nothing skinned."""
+    body, room = body_of(bodies, i), room_for(bodies)
+    move_joints(body, position, world, scale, room)
+    return body, room
+
+
+def slices_of(body):
+    """Return the vertices at the corners of each slice's faces, as `pack` numbers them."""
+    return [
+        np.unique(f) for f in np.split(body.faces, (body.face_begin - body.face_begin[0])[1:-1])
+    ]
+
+
+def all_vertices(body, room):
+    vertices = np.empty_like(body.rest_m)
+    skin_vertices(body.rest_m, body.bones, body.weights, room.moves, vertices)
+    return vertices
+
+
+def volume_within(own, mine, other, theirs):
+    """Return the common volume of two whole bodies in the box of what their slices share."""
+    boxes, surfaces = [], []
+    for body, room in ((own, mine), (other, theirs)):
+        vertices = all_vertices(body, room)
+        parts = [vertices[corners] for corners in slices_of(body)]
+        boxes.append(np.array([(p.min(axis=0), p.max(axis=0)) for p in parts]))
+        surfaces += [vertices, body.faces]
+    a, b = boxes[0][:, None], boxes[1][None]
+    low, high = np.maximum(a[:, :, 0], b[:, :, 0]), np.minimum(a[:, :, 1], b[:, :, 1])
+    meets = (low < high).all(axis=2)
+    if not meets.any():
         return 0.0
-    rule = Settings()
-    return measure_within(
-        mesh.vertices_m,
-        mesh.faces,
-        other_mesh.vertices_m,
-        other_mesh.faces,
-        shared[0],
-        shared[1],
-        rule.cell_m,
-        rule.refine_below_m3,
-        rule.fine_columns,
-    )[0]
+    low, high, rule = low[meets].min(axis=0), high[meets].max(axis=0), Settings()
+    limits = rule.cell_m, rule.refine_below_m3, rule.fine_columns
+    return measure_within(*surfaces, low, high, *limits)[0]
 
 
 @pytest.mark.parametrize("surface", SURFACES)
 def test_the_kernel_is_within_a_grid_s_noise_of_measuring_every_pair_one_by_one(walk, surface):
     measured = walk_volumes(walk, surface=surface).volume_m3
     assert (measured > 1e-6).sum() > 10
-    own, size_m = own_surface(surface, avatar_of(None, STATURE_M))
+    avatar = avatar_of(None, STATURE_M)
+    own, size_m = own_surface(surface, avatar)
     people = people_of(walk.crowd)
     here = there = 0.0
     for i in range(0, len(walk.t_ns), 8):
-        mesh = own.mesh_at(walk.position_m[i], walk.orientation_wxyz[i], STATURE_M / size_m)
+        joints = walk.position_m[i], walk.orientation_wxyz[i], STATURE_M / size_m
+        mesh, me = own.mesh_at(*joints), in_pose(own_surfaces(surface, avatar), 0, *joints)
         position, turn = crowd_poses(people, float(walk.crowd_t_s[i]))
         near = np.linalg.norm(walk.crowd.position_m - walk.place_m[i], axis=1) < 1.6
         for person in np.flatnonzero(near).tolist():
-            other = person_surface(int(walk.crowd.character[person]), surface)
+            who = int(walk.crowd.character[person])
+            other = person_surface(who, surface)
             plain = common_volume(mesh, other.mesh_at(position[person], turn[person])).volume_m3
-            # Columns are laid through what pieces of the two share, not through whole bodies.
-            within = volume_within(own, mesh, other, other.mesh_at(position[person], turn[person]))
-            assert within == pytest.approx(measured[i, person], rel=1e-9, abs=1e-12)
+            # Columns are laid through what slices of the two share, not through whole bodies.
+            them = in_pose(crowd_surfaces(surface), who, position[person], turn[person])
+            assert volume_within(*me, *them) == measured[i, person]
             assert plain == pytest.approx(measured[i, person], rel=0.06, abs=1e-7)
             assert (plain > 1e-6) == (measured[i, person] > 1e-6)
             here, there = here + measured[i, person], there + plain
@@ -102,31 +118,37 @@ def test_the_kernel_is_within_a_grid_s_noise_of_measuring_every_pair_one_by_one(
 
 
 @pytest.mark.parametrize("surface", SURFACES)
-def test_boxes_of_pieces_hold_every_posed_vertex(surface):
-    body = person_surface(2, surface)
-    packed = pack([body])
+def test_wide_boxes_hold_the_posed_slices_and_tight_ones_fit_them(surface):
+    bodies = crowd_surfaces(surface)
     position, turn = crowd_poses(people_of(station_crowd(3)), 12.3)
-    moves, boxes, whole = np.empty((22, 3, 4)), np.empty((22, 6)), np.empty(6)
     for joints, turns in zip(position[:6], turn[:6], strict=True):
-        vertices = body.mesh_at(joints, turns).vertices_m
-        joint_moves(joints, turns, body.joints_m, 1.0, moves)
-        group_boxes(
-            packed.group,
-            packed.joint,
-            packed.centre_m,
-            packed.half_m,
-            int(packed.groups[0]),
-            moves,
-            boxes,
-            whole,
-        )
-        n = int(packed.groups[0])
-        inside = (
-            (vertices[:, None] >= boxes[:n, :3] - 1e-9)
-            & (vertices[:, None] <= boxes[:n, 3:] + 1e-9)
-        ).all(axis=2)
-        assert inside.any(axis=1).all()
-        assert (vertices.min(axis=0) >= whole[:3] - 1e-9).all()
+        body, room = in_pose(bodies, 2, joints, turns)
+        vertices = all_vertices(body, room)
+        slices = slices_of(body)
+        pose_slices(body, room, np.arange(len(slices), dtype=np.int32))
+        assert np.array_equal(vertices, room.vertices_m[: len(vertices)])
+        for corners, wide, tight in zip(slices, room.wide, room.tight, strict=False):
+            low, high = vertices[corners].min(axis=0), vertices[corners].max(axis=0)
+            assert (wide[:3] <= low).all()
+            assert (high <= wide[3:]).all()
+            assert [*low, *high] == tight.tolist()
+        assert (room.whole[:3] <= vertices.min(axis=0)).all()
+        assert (vertices.max(axis=0) <= room.whole[3:]).all()
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+def test_a_packed_body_is_the_same_surface_in_another_order(surface):
+    body, packed = person_surface(2, surface), body_of(crowd_surfaces(surface), 2)
+    position, turn = crowd_poses(people_of(station_crowd(3)), 12.3)
+    mesh = body.mesh_at(position[0], turn[0])
+    vertices = all_vertices(*in_pose(crowd_surfaces(surface), 2, position[0], turn[0]))
+
+    def sorted_faces(vertices_m, faces):
+        flat = vertices_m[faces].reshape(len(faces), 9)
+        return flat[np.lexsort(flat.T)]
+
+    expected = sorted_faces(mesh.vertices_m, mesh.faces)
+    assert np.array_equal(expected, sorted_faces(vertices, packed.faces))
 
 
 def test_nobody_reaches_farther_than_the_search_does():
@@ -143,7 +165,7 @@ def test_nobody_reaches_farther_than_the_search_does():
 
 def test_every_character_is_a_closed_body_of_a_persons_volume():
     packed = crowd_surfaces("characters")
-    assert len(CHARACTERS) == len(packed.groups)
+    assert len(CHARACTERS) == len(packed.joints_m)
     for k in range(len(CHARACTERS)):
         body = person_surface(k, "characters")
         position, turn = crowd_poses(people_of(station_crowd(1))[:1], 0.0)
