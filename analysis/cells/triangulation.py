@@ -5,6 +5,7 @@ fit 64 bits, circle tests use Python's integers.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Literal, TypeAlias
 
@@ -44,6 +45,11 @@ class Triangulation:
     def cells(self) -> tuple[Cell, ...]:
         """All cells as rising triples, in order."""
         return tuple(sorted(as_cell(t) for t in self.triangles))
+
+    @cached_property
+    def hull(self) -> tuple[Edge, ...]:
+        """All edges with the outside to their right."""
+        return tuple((a, b) for a, b in self.beside if (b, a) not in self.beside)
 
 
 def as_cell(triangle: Cell) -> Cell:

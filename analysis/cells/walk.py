@@ -154,11 +154,10 @@ def _step(
 
 
 def _way_in(triangulation: Triangulation, p: Point, q: Point) -> Edge | None:
-    at, beside = triangulation.points_um, triangulation.beside
-    for a, b in beside:
+    at = triangulation.points_um
+    for a, b in triangulation.hull:
         if (
-            (b, a) not in beside
-            and not is_left(at[a], at[b], p)
+            not is_left(at[a], at[b], p)
             and is_left(at[a], at[b], q)
             and _leaves_left(p, q, at[a])
             and not _leaves_left(p, q, at[b])
