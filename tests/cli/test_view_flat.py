@@ -137,6 +137,21 @@ def test_a_stimulus_stands_on_the_page_where_it_was_staged(page: Page, name: str
             assert wanted_window == flat["window"]
 
 
+def test_a_picture_that_is_another_one_now_is_named_where_it_was_shown(
+    page: Page, tmp_path: Path
+) -> None:
+    folder = page.study.study.files.folder
+    for name in ("flat.py", "room.yaml"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    Files.new("RGB", (WIDE_PX, HIGH_PX), (200, 0, 0)).save(tmp_path / "room.png")
+    study, trial_id = find_study(str(tmp_path / "flat.py")), next(iter(page.header["trials"]))["id"]
+    header, _ = page_content(study, page.recording, [trial_id])
+    notes = [scene["flat"]["notes"] for scene in header["scenes"] if scene.get("flat")]
+    words = ["room.png is another file now than was shown"]
+    assert [[], words, words, []] == notes
+    assert not any(s["flat"]["notes"] for s in page.header["scenes"] if s.get("flat"))
+
+
 def test_stimuli_are_there_from_the_frame_of_their_onset_to_that_of_their_end(
     page: Page,
 ) -> None:

@@ -29,6 +29,7 @@ from visavis.running.page.perform import perform_new
 from visavis.running.page.seen_trial import SeenTrial, seen_trial
 from visavis.running.page.visitor import DISTANCE_MM, PX_PER_MM, VIEW_PX
 from visavis.running.sessions.session_request import simulated_request
+from visavis.running.sessions.study_folder import settle, study_of_session, wanted_settings
 
 STUDY = """
 from visavis import Factor, Image, Keys, Rating, Shape, Study, Text, pointer_at
@@ -88,15 +89,19 @@ def write_study(folder: Path, text: str = STUDY) -> OpenedStudy:
     return study
 
 
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
-    folder = tmp_path_factory.mktemp("paged")
-    study = write_study(folder)
+def perform_in(folder: Path, study: OpenedStudy) -> CachedRecording:
     config = load_config(EXAMPLE).model_copy(
         update={"data_root": folder / "data", "key_root": folder / "keys"}
     )
     about = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
-    recording = CachedRecording(perform_new(about))
+    return CachedRecording(perform_new(about))
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
+    folder = tmp_path_factory.mktemp("paged")
+    study = write_study(folder)
+    recording = perform_in(folder, study)
     row = trial_row(recording, "T01")
     header, bundle = page_content(study, recording, ["T01"])
     raw = zlib.decompress(base64.b64decode(bundle.text(header)))
@@ -264,6 +269,31 @@ def test_what_the_study_shows_no_more_is_said(
     trial = seen_again(page, write_study(tmp_path, STUDY.replace(*change)))
     assert trial.problem.startswith("not shown again: ")
     assert all(name in trial.problem for name in names)
+
+
+def test_a_picture_that_is_another_one_now_is_named_where_it_was_shown(
+    page: Page, tmp_path: Path
+) -> None:
+    study = write_study(tmp_path)
+    Files.new("RGB", (400, 300), (200, 0, 0)).save(tmp_path / "room.png")
+    header, _ = page_content(study, page.recording, ["T01"])
+    words = "room.png is another file now than was shown"
+    notes = [scene["flat"]["notes"] for scene in header["scenes"]]
+    assert [False, False, False, True, True] == [words in those for those in notes]
+    assert not any(words in scene["flat"]["notes"] for scene in page.header["scenes"])
+
+
+def test_files_that_are_other_ones_now_are_named_with_what_to_do(tmp_path: Path) -> None:
+    study = write_study(tmp_path)
+    recording = perform_in(tmp_path, study)
+    folder = recording.path.parent.parent
+    settle(folder, wanted_settings(folder, study, is_simulated=True), seed_given=False)
+    assert "" == study_of_session(recording)[1]
+    Files.new("RGB", (400, 300), (200, 0, 0)).save(tmp_path / "room.png")
+    (tmp_path / "room.yaml").write_text("door: {rectangle: [0, 0, 9, 9]}", "utf-8")
+    _, warning = study_of_session(recording)
+    assert warning.startswith("room.png, room.yaml are other files now than when ")
+    assert warning.endswith("put them back to see what was shown")
 
 
 @pytest.fixture(scope="module")

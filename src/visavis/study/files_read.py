@@ -2,12 +2,53 @@
 
 import hashlib
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from visavis.lab.yaml_lines import read_document
 from visavis.stimuli.own_room import Room
 from visavis.study.experiment import StudyExperiment
+
+FILES_KEY: Final = "files"
+"""The key of a session's configuration under which it keeps the digests of stimuli."""
+
+
+def stimulus_files(experiment: StudyExperiment) -> dict[str, dict[str, str]]:
+    """Return the entry of a session's configuration with the SHA-256 of every picture, film and
+    sound that a study shows, and of their areas, by its name in the study; nothing without any.
+    """
+    folder, names = experiment.settings.folder, set[str]()
+    for one in (*experiment.flats, *experiment.panoramas, *experiment.audibles):
+        names.add(getattr(one, "file", ""))
+        if areas := getattr(one, "areas", ""):
+            names.update(_names_of_areas(folder, areas))
+    paths = {name: folder / name for name in sorted(names)}
+    digests = {name: _sha256(path) for name, path in paths.items() if path.is_file()}
+    return {FILES_KEY: digests} if digests else {}
+
+
+def changed_files(configuration: Mapping[str, Any], folder: Path) -> frozenset[str]:
+    """Return which files of a study in a folder are other ones than when a session with this
+    configuration began.
+    """
+    recorded = configuration.get(FILES_KEY, {})
+    return frozenset(
+        name
+        for name, digest in recorded.items()
+        if (folder / name).is_file() and _sha256(folder / name) != digest
+    )
+
+
+def _sha256(path: Path) -> str:
+    about = path.stat()
+    return _sha256_since(path, about.st_mtime_ns, about.st_size)
+
+
+@lru_cache(maxsize=4096)
+def _sha256_since(path: Path, modified_ns: int, size: int) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def digests_of_files(experiment: StudyExperiment) -> dict[str, str]:
@@ -18,7 +59,7 @@ def digests_of_files(experiment: StudyExperiment) -> dict[str, str]:
     paths = {path.resolve() for path in _files(experiment) if path.is_file()}
     return {
         (path.relative_to(folder).as_posix() if path.is_relative_to(folder) else path.name): (
-            hashlib.sha256(path.read_bytes()).hexdigest()
+            _sha256(path)
         )
         for path in sorted(paths)
     }
@@ -40,7 +81,7 @@ def _files(experiment: StudyExperiment) -> Iterator[Path]:
     for picture in (*experiment.flats, *experiment.panoramas):
         yield from _paths_in(folder, vars(picture).values())
         if areas := getattr(picture, "areas", ""):
-            yield from _of_areas(folder / areas)
+            yield from (folder / name for name in _names_of_areas(folder, areas))
     for sound in (sound for trial in reads for sound in trial.sounds):
         yield from _paths_in(folder, [sound, getattr(sound, "file", None)])
     yield from (folder / voice.file for voice in experiment.voices)
@@ -49,13 +90,14 @@ def _files(experiment: StudyExperiment) -> Iterator[Path]:
         yield from _paths_in(folder, [o.file if isinstance(o, Room) else o for o in options])
 
 
-def _of_areas(path: Path) -> Iterator[Path]:
-    """Yield a file of areas, and the painted masks that it names."""
-    yield path
-    if path.suffix == ".yaml" and path.is_file():
+def _names_of_areas(folder: Path, name: str) -> Iterator[str]:
+    """Yield the name of a file of areas, and those of the painted masks that it names."""
+    yield name
+    path = folder / name
+    if path.suffix.lower() in (".yaml", ".yml") and path.is_file():
         for area in dict(read_document(path).data or {}).values():
             if isinstance(area, Mapping) and "mask" in area:
-                yield path.parent / str(area["mask"])
+                yield (Path(name).parent / str(area["mask"])).as_posix()
 
 
 def _paths_in(folder: Path, values: Any) -> Iterator[Path]:

@@ -25,7 +25,7 @@ from visavis.cli.studies import session_of
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.recording.cached import CachedRecording
-from visavis.running.sessions.study_folder import study_of_folder
+from visavis.running.sessions.study_folder import study_of_session
 from visavis.stimuli.camera.shots import ShotSize
 from visavis.study.cast import use_recorded_cast
 
@@ -85,9 +85,7 @@ def film(
     require_whole(session_path, accept=accept_damage)
     recording = CachedRecording(session_path)
     use_recorded_cast(recording)
-    study, change_note = study_of_folder(
-        session_path.resolve().parent.parent, recording.manifest.study
-    )
+    study, change_note = study_of_session(recording)
     if change_note:
         console.print(f"[yellow]{verbatim(change_note)}[/]", soft_wrap=True)
     forecast = Forecast()

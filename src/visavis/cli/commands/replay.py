@@ -21,7 +21,7 @@ from visavis.cli.studies import session_of
 from visavis.lab.errors import UsageError
 from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import HEADS_AT_ONSET, OpenedStudy
-from visavis.running.sessions.study_folder import study_of_folder
+from visavis.running.sessions.study_folder import study_of_session
 from visavis.running.sessions.verification import is_in_real_time, verify
 from visavis.study.cast import use_recorded_cast
 
@@ -53,9 +53,7 @@ def replay(
     session_path = session_of(session_path, config, participant)
     recording = CachedRecording(session_path)
     use_recorded_cast(recording)
-    study, change_note = study_of_folder(
-        session_path.resolve().parent.parent, recording.manifest.study
-    )
+    study, change_note = study_of_session(recording)
     if change_note:
         say(f"[yellow]{verbatim(change_note)}[/]")
     _verify(recording, study, config)

@@ -35,7 +35,7 @@ from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.people.identifiers import means_label
 from visavis.recording.cached import CachedRecording
 from visavis.running.page.seen_trial import is_on_page
-from visavis.running.sessions.study_folder import sessions_of, study_of_folder
+from visavis.running.sessions.study_folder import sessions_of, study_of_session
 from visavis.study.cast import use_recorded_cast
 
 PORT: Final = 8080
@@ -191,8 +191,7 @@ def _write_again(
     recording = CachedRecording(session)
     use_recorded_cast(recording)
     # Read with the study's own file: the scenes are made anew from the recording.
-    study_folder = session.resolve().parent.parent
-    study, change_note = study_of_folder(study_folder, recording.manifest.study)
+    study, change_note = study_of_session(recording)
     if change_note:
         console.print(f"[yellow]{verbatim(change_note)}[/]", soft_wrap=True)
     lengths = trial_lengths_ns(recording)
@@ -264,7 +263,7 @@ def _write_together(
 ) -> list[Path]:
     """Write a page with one trial of several sessions; return its files."""
     recordings = [CachedRecording(session) for session in sessions]
-    study, change_note = study_of_folder(folder, recordings[0].manifest.study)
+    study, change_note = study_of_session(recordings[0])
     if change_note:
         console.print(f"[yellow]{verbatim(change_note)}[/]", soft_wrap=True)
     with Progress(console=console, transient=True) as bar:

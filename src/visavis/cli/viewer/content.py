@@ -22,6 +22,7 @@ from visavis.cli.viewer.flat import (
     flat_ends,
     onsets_ns,
     showing_of,
+    words_of_files,
 )
 from visavis.cli.viewer.flat_pages import flat_page_scenes
 from visavis.cli.viewer.models import LEVEL_OF_FEW, LEVEL_OF_MANY, MAX_FEW, Models
@@ -43,6 +44,7 @@ from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.moving_heads import agents_at
 from visavis.stimuli.picture import Picture
 from visavis.stimuli.surfaces import Surfaces
+from visavis.study.files_read import changed_files
 
 GAP_S: Final = 2.0
 """What stands on the time line between two parts of a session."""
@@ -83,6 +85,7 @@ def page_content(
     models: Models | None = None
     contents, pages, films = [], list[dict[str, Any]](), list[dict[str, Any]]()
     problems: dict[str, str] = {}
+    changed = changed_files(recording.manifest.configuration, study.study.files.trial_folder)
     if on_page:
         models = models_for(bundle, [])
         trials_again = [
@@ -90,7 +93,8 @@ def page_content(
         ]
         pages, films = pages_of(trials_again, bundle, times.s, on_trial)
         scenes = [
-            flat_page_scenes(recording, trial, models, bundle, times) for trial in trials_again
+            flat_page_scenes(recording, trial, models, bundle, times, changed)
+            for trial in trials_again
         ]
         problems = {
             str(trial.row["trial_id"]): trial.problem for trial in trials_again if trial.problem
@@ -150,6 +154,8 @@ class InSpace:
     def __init__(self, study: OpenedStudy, recording: CachedRecording, times: Times) -> None:
         self._study, self._recording, self._times = study, recording, times
         self._stand_ins: StandIns = {}
+        configuration = recording.manifest.configuration
+        self._changed_files = changed_files(configuration, study.study.files.trial_folder)
 
     def samples(self, trial: RecordedTrial) -> "list[Sample]":
         """Return what was shown in a trial, with the participant in it."""
@@ -168,6 +174,7 @@ class InSpace:
             if first.showing is not None:
                 t_ns, pictures = [s.t_ns for s in run], [s.picture for s in run]
                 scene["flat"] = flat_content(first.showing, t_ns, pictures, models, bundle)
+                scene["flat"]["notes"] = words_of_files(first.showing.scene, self._changed_files)
             scenes.append(scene)
         gaze = _gaze(self._recording, trial, samples, models.level, bundle, self._times)
         return {"scenes": scenes, **gaze}

@@ -2,7 +2,7 @@
 areas of interest on them, and the window after gaze.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -83,6 +83,12 @@ def showing_of(view: SceneFrame, record: RecordedScene) -> Showing | None:
 
 def _turning(one: PictureAreas, scene: FlatScene) -> PictureAreas:
     return replace(one, turns=scene.turns) if isinstance(one, SurroundingAreas) else one
+
+
+def words_of_files(scene: FlatScene, changed: Collection[str]) -> list[str]:
+    """Return which of the flat stimuli of a scene are drawn from files that changed since."""
+    names = dict.fromkeys(getattr(one, "file", "") for one in (scene.panorama, *scene.items))
+    return [f"{name} is another file now than was shown" for name in names if name in changed]
 
 
 def flat_ends(

@@ -1,13 +1,13 @@
 """Flat stimuli of a page in a browser as the viewer holds them: on its window as on a monitor."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from visavis.cli.viewer.bundle import Bundle
-from visavis.cli.viewer.flat import Showing, flat_content
+from visavis.cli.viewer.flat import Showing, flat_content, words_of_files
 from visavis.cli.viewer.models import Models
 from visavis.cli.viewer.scenes import SAMPLES_PER_S, Sample, Times, scene_content
 from visavis.lab.clock import NS_PER_S
@@ -25,14 +25,19 @@ from visavis.study.measures import TrialRecord
 
 
 def flat_page_scenes(
-    recording: CachedRecording, trial: SeenTrial, models: Models, bundle: Bundle, times: Times
+    recording: CachedRecording,
+    trial: SeenTrial,
+    models: Models,
+    bundle: Bundle,
+    times: Times,
+    changed: Collection[str] = (),
 ) -> list[dict[str, Any]]:
     """Return the scenes of a trial's flat stimuli, in order; what the recording lacks of one is
-    said in its `notes`.
+    said in its `notes`, and which of its files are among those that `changed` since.
     """
     record = TrialRecord(trial.row, recording)
     return [
-        _scene(record, part, _names_by_onset(trial.row), models, bundle, times)
+        _scene(record, part, _names_by_onset(trial.row), models, bundle, times, changed)
         for step in trial.steps
         for part in step.parts
         if part.off_ns > part.on_ns
@@ -56,8 +61,9 @@ def _scene(
     models: Models,
     bundle: Bundle,
     times: Times,
+    changed: Collection[str],
 ) -> dict[str, Any]:
-    notes = [_words_of_window(part)]
+    notes = [_words_of_window(part), *words_of_files(part.scene, changed)]
     name = names_by_onset.get(part.scene.moves_since_ns, "")
     areas, is_recorded = _areas(record, name, part.scene)
     if areas and not is_recorded:

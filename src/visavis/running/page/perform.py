@@ -54,6 +54,7 @@ from visavis.running.sound_store import SoundStore
 from visavis.study.cast import use_cast_of, use_recorded_cast
 from visavis.study.catalogue import typed_reference
 from visavis.study.experiment import StudyExperiment
+from visavis.study.files_read import stimulus_files
 from visavis.study.films import MIME, SOUND_MIME
 
 SERVED_EVENT: Final = "page_served"
@@ -110,6 +111,7 @@ def manifest_of(request: Request, experiment: StudyExperiment, plan: SessionPlan
             "sha256": request.config.sha256,
             "effect": request.effect,
             **carried_by_session(folder, request.study, experiment, request.seed),
+            **stimulus_files(experiment),
             DESIGN_KEY: design_of(experiment),
             **cast,
         },

@@ -56,6 +56,7 @@ from visavis.running.sessions.session_request import (
 from visavis.stage.contracts import GeometryStage, Stage, Viewer
 from visavis.study.cast import use_cast_of, use_recorded_cast
 from visavis.study.experiment import StudyExperiment
+from visavis.study.files_read import stimulus_files
 from visavis.study.texts import read_texts
 
 REHEARSED_TRIALS, REHEARSED_S = 8, 130.0
@@ -99,6 +100,7 @@ def perform_new(request: Request) -> Path:
             **_screen(config),
             **_incidents(config),
             **_locked(request, config),
+            **stimulus_files(request.experiment),
             DESIGN_KEY: design_of(request.experiment),
             **cast,
         },

@@ -17,6 +17,7 @@ from visavis.recording.sealed import copy_path, read_sealed, write_sealed
 from visavis.recording.typed_names import typed_study
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.study.catalogue import digest_of
+from visavis.study.files_read import changed_files
 from visavis.study.texts import DEFAULT_LANGUAGE
 
 SETTINGS_NAME = "study.json"
@@ -25,6 +26,8 @@ SEALED_SINCE = 2
 """Settings of this version and later end in their own checksum."""
 
 DEFAULT_SEED = 1
+MAX_NAMES = 8
+"""Of files that a warning lists."""
 SIMULATED_PREFIX = "S"
 """Labels of simulated participants begin with it."""
 DERIVED_FOLDER = "derived"
@@ -310,3 +313,24 @@ def study_of_folder(folder: Path, name: str) -> tuple[OpenedStudy, str]:
     has_changed = settings is not None and digest_of(path) != settings.source_sha256
     warning = f"{source}, or a text beside it, has changed since {folder} was begun"
     return find_study(source), warning if has_changed else ""
+
+
+def study_of_session(recording: Recording) -> tuple[OpenedStudy, str]:
+    """Return the study whose session a recording is, and a warning where its file has changed, or
+    what the session showed is another file now.
+
+    Raises:
+        UsageError: its file is not where it was, with what to do.
+    """
+    manifest = recording.manifest
+    study, warning = study_of_folder(recording.path.resolve().parent.parent, manifest.study)
+    names = sorted(changed_files(manifest.configuration, study.study.files.trial_folder))
+    if not names:
+        return study, warning
+    others = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    are = "are other files" if len(names) > 1 else "is another file"
+    about_files = (
+        f"{', '.join(names[:MAX_NAMES])}{others} {are} now than when {recording.path} was "
+        "recorded; put them back to see what was shown"
+    )
+    return study, "\n".join(filter(None, (warning, about_files)))
