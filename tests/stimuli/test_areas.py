@@ -237,3 +237,31 @@ def test_a_missing_file_a_painting_of_another_size_and_smoothed_edges_are_refuse
     painted(tmp_path, "smooth.png", colour="#7f0000")
     with pytest.raises(DesignError, match=r"10000 pixels .* #7f0000, the first at \(400, 50\)"):
         read_areas(tmp_path / "smooth.png", SIZE)
+
+
+def test_colours_that_can_be_painted_are_told_with_their_values(tmp_path):
+    painted(tmp_path, colour="#0000ff")
+    with pytest.raises(
+        DesignError, match=r"paint .* white \(#ffffff\), .* blue \(#0050ff\)"
+    ) as problem:
+        read_areas(tmp_path / "room_mask.png", SIZE)
+    assert "black" not in str(problem.value)  # is where no area is
+    blue = write(tmp_path, "a.yaml", "a: {mask: room_mask.png, colour: blue}")
+    with pytest.raises(
+        DesignError, match=r"colour 'blue' \(#0050ff\) of area a; there are #0000ff"
+    ):
+        read_areas(blue, SIZE)
+
+
+@pytest.mark.parametrize("rgba", [(0, 0, 0, 255), (255, 0, 0, 127), (0, 0, 0, 0)])
+def test_of_a_png_on_which_nothing_counts_as_painted_is_told_why(tmp_path, rgba):
+    Files.new("RGBA", SIZE, rgba).save(tmp_path / "bare.png")
+    says = "bare.png has no areas: every pixel is black, or less than half opaque"
+    with pytest.raises(DesignError, match=says):
+        read_areas(tmp_path / "bare.png", SIZE)
+
+
+def test_a_folder_in_the_place_of_a_file_is_not_proposed(tmp_path):
+    (tmp_path / "room.png").mkdir()
+    with pytest.raises(DesignError, match=r"room\.png; put it beside the study's file$"):
+        read_areas(tmp_path / "room.png", SIZE)

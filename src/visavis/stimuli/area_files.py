@@ -33,7 +33,7 @@ FORMS: Final = ("polygon", "rectangle", "ellipse", "mask")
 PER_AREA: Final = (*FORMS, "keys", "colour", "salience", "turn_deg")
 TIMES: Final = ("t_s", "frame")
 PER_KEY: Final = (*TIMES, "polygon", "rectangle", "ellipse", "turn_deg", "gone")
-COLOUR_NAMES: Final = {rgb: name for name, rgb in reversed(COLOURS.items()) if name != "gray"}
+COLOUR_NAMES: Final = {rgb: name for name, rgb in COLOURS.items() if name not in ("gray", "black")}
 NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 MAX_BYTES: Final = 16 * 1024 * 1024
 OPAQUE: Final = 128
@@ -70,7 +70,7 @@ def _read(
     film: FilmFacts | None = None,
 ) -> tuple[Area, ...]:
     if not path.is_file():
-        near = did_you_mean(path.name, (p.name for p in path.parent.glob("*.*")))
+        near = did_you_mean(path.name, (p.name for p in path.parent.glob("*.*") if p.is_file()))
         near = near if near.startswith("; did") else "; put it beside the study's file"
         raise DesignError(f"there is no file of areas {path}{near}")
     suffix = path.suffix.lower()
@@ -87,7 +87,8 @@ def _read(
     if is_around and suffix not in (".png", ".svg"):
         areas = [(where, _from_degrees(area, size_px)) for where, area in areas]
     if not areas:
-        raise DesignError(f"{path} has no areas; describe or paint one at least")
+        unpainted = ": every pixel is black, or less than half opaque" if suffix == ".png" else ""
+        raise DesignError(f"{path} has no areas{unpainted}; describe or paint one at least")
     corners = sum(len(area.outline) for _, area in areas)
     corners += sum(len(key.outline) for _, area in areas for key in area.keys)
     if corners > MAX_CORNERS:
@@ -392,8 +393,8 @@ def _area_of(
             if not is_inside.any():
                 there = [colour for colour, _ in islice(_colours_of(labels), COLOURS_NAMED)]
                 raise DesignError(
-                    f"{where}: no pixel of {picture.name} has the colour {of['colour']!r} of area "
-                    f"{name}; there are {names_or_none(there)}"
+                    f"{where}: no pixel of {picture.name} has the colour {of['colour']!r} "
+                    f"({_hex(colour)}) of area {name}; there are {names_or_none(there)}"
                 )
             return Area(name, pixels=pack_runs(is_inside), salience=salience)
         if "ellipse" in of:
@@ -585,8 +586,9 @@ def _of_png(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
             row, column = np.argwhere(is_inside)[0]
             raise DesignError(
                 f"{path}: {int(is_inside.sum())} pixels have the colour {text}, the first at "
-                f"({column}, {row}), which names no area; paint with {', '.join(COLOURS)} and "
-                "without smoothed edges, or name colours in a YAML file"
+                f"({column}, {row}), which names no area; paint without smoothed edges with "
+                f"{', '.join(f'{name} ({_hex(rgb)})' for rgb, name in COLOUR_NAMES.items())}, or "
+                "name colours in a YAML file"
             )
         yield f"{path}, {text}", Area(text, pixels=pack_runs(is_inside))
 
@@ -612,6 +614,10 @@ def _colours_of(labels: npt.NDArray[np.uint8]) -> Iterator[tuple[str, npt.NDArra
     for value in np.unique(rgb_of_pixel[rgb_of_pixel != 0]).tolist():
         rgb = value >> 16, value >> 8 & 255, value & 255
         yield COLOUR_NAMES.get(rgb, f"#{value:06x}"), rgb_of_pixel == value
+
+
+def _hex(rgb: Sequence[int]) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*rgb)
 
 
 def _text(path: Path) -> str:
