@@ -112,6 +112,21 @@ def test_sessions_without_gaze_are_told_by_their_folder(
     assert calls[-1][0] == calls[-1][1]  # the bar comes to its end
 
 
+def test_something_that_was_never_shown_is_named_with_what_was(folder: Path) -> None:
+    says = r"usable gaze while 'scen' was shown; did you mean 'scene'\?"
+    with pytest.raises(UsageError, match=says):
+        gaze_maps(open_study(folder), "gaze", peek=None, on_trial=lambda *of: None, during="scen")
+
+
+def test_pages_are_said_to_have_no_gaze(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = open_study(folder)
+    data.analysis()
+    monkeypatch.setattr("visavis.cli.gaze_map.is_on_page", lambda recording: True)
+    monkeypatch.setattr(CachedRecording, "stream_names", [])
+    with pytest.raises(UsageError, match=r"on a scene: there is none on a page.*pointer_at"):
+        gaze_maps(data, "gaze", peek=None, on_trial=lambda *of: None)
+
+
 def test_the_verb_writes_pictures_and_a_table_and_says_what_differs(folder: Path) -> None:
     result: Any = CliRunner().invoke(app, ["gaze-map", str(folder), "--by", "gaze"])
     assert 0 == result.exit_code, result.output

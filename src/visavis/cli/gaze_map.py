@@ -2,7 +2,7 @@
 panorama all around.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -41,12 +41,13 @@ from visavis.lab.geometry import (
     rotate,
     yaw_pitch_deg_of,
 )
-from visavis.lab.yaml_lines import names_or_none
+from visavis.lab.yaml_lines import did_you_mean, names_or_none
 from visavis.recording.cached import CachedRecording
 from visavis.recording.csv_file import write_csv
 from visavis.results.flat_again import read_items_text
 from visavis.results.opened_study import OpenedStudy
 from visavis.results.several_sessions import SESSION_NUMBER
+from visavis.running.page.seen_trial import is_on_page
 from visavis.running.scripts import StudyData
 from visavis.stimuli.areas import Area, PictureAreas, SurroundingAreas
 from visavis.stimuli.flat import Image, Panorama, Video
@@ -242,7 +243,7 @@ def _looks(
     """
     looks: list[TrialGaze] = []
     firsts: dict[Pictures, tuple[RecordedTrial, int]] = {}
-    surfaces, number = Surfaces(COARSE), 0
+    surfaces, number, names = Surfaces(COARSE), 0, set[str]()
     numbers = trials.get(SESSION_NUMBER.name, trials["session"])
     for session in data.sessions:
         manifest = session.recording.manifest
@@ -258,6 +259,7 @@ def _looks(
         for trial_id, level in zip(mine["trial_id"], mine[factor], strict=True):
             trial = recorded_trial(recording, str(trial_id))
             mine_here = _showings_of(trial)
+            names.update(str(p["name"]) for p in mine_here)
             since_ns = _pictures_of(mine_here, during)
             around = next((one for one in since_ns if isinstance(one, Panorama)), None)
             if around is None:
@@ -266,10 +268,10 @@ def _looks(
                 ends = _directions(trial, during)
             if ends is not None:
                 if len(set(since_ns.values())) > 1:
-                    names = ", ".join(dict.fromkeys(str(p["name"]) for p in mine_here))
+                    several = ", ".join(dict.fromkeys(str(p["name"]) for p in mine_here))
                     raise UsageError(
                         f"{session.path}: trial {trial_id} showed pictures one after another; say "
-                        f"by --during while which of them gaze counts ({names})"
+                        f"by --during while which of them gaze counts ({several})"
                     )
                 pictures: Pictures = tuple(since_ns)
                 if around is not None:  # the same picture, whatever of it was ahead at first
@@ -280,8 +282,19 @@ def _looks(
             on_trial(number, len(trials))
     if not firsts:
         what = f"while {during!r} was shown" if during else "on a scene"
-        raise UsageError(f"{data.path}: no trial that counts has usable gaze {what}")
+        why = _why_none(data, during, names)
+        raise UsageError(f"{data.path}: no trial that counts has usable gaze {what}{why}")
     return looks, firsts
+
+
+def _why_none(data: StudyData, during: str, names: Collection[str]) -> str:
+    """Return why trials that showed something of these names have no gaze, as far as is known."""
+    if all(is_on_page(session.recording) for session in data.sessions):
+        return (
+            ": there is none on a page, where pointer_at measures a window after the pointer and "
+            "visavis view shows it"
+        )
+    return did_you_mean(during, names) if during and names and during not in names else ""
 
 
 def _showings_of(trial: RecordedTrial) -> list[Mapping[str, Any]]:
