@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -12,8 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image as Files
+from typer.testing import CliRunner
 
 from tests.cli.viewer_tab import viewer_tab
+from visavis.cli.app import app
 from visavis.cli.recorded_trial import trial_row
 from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.content import page_content, times_of
@@ -294,6 +297,26 @@ def test_files_that_are_other_ones_now_are_named_with_what_to_do(tmp_path: Path)
     _, warning = study_of_session(recording)
     assert warning.startswith("room.png, room.yaml are other files now than when ")
     assert warning.endswith("put them back to see what was shown")
+
+
+def test_a_page_says_that_its_study_has_changed_since(tmp_path: Path) -> None:
+    study = write_study(tmp_path)
+    recording = perform_in(tmp_path, study)
+    folder, warnings = recording.path.parent.parent, []
+    settle(folder, wanted_settings(folder, study, is_simulated=True), seed_given=False)
+    for name, text in (
+        ("same", STUDY),
+        ("other", STUDY.replace('"room.png", 12', '"room.png", 5')),
+    ):
+        write_study(tmp_path, text)
+        page = tmp_path / f"{name}.html"
+        result = CliRunner().invoke(app, ["view", str(recording.path), "-o", str(page)])
+        assert 0 == result.exit_code, result.output
+        (data,) = re.findall(r'id="data">([^<]*)<', page.read_text("utf-8"))
+        raw = zlib.decompress(base64.b64decode(data))
+        header = json.loads(raw[8 : 8 + int.from_bytes(raw[:8], "little")])
+        warnings.append(header.get("warning"))
+    assert [None, "the study has changed since: drawn as it is now"] == warnings
 
 
 @pytest.fixture(scope="module")

@@ -210,6 +210,8 @@ def _write_again(
         header, bundle = page_content(study, recording, trial_names, advance, beside.write)
     if in_headset:
         header["headset"] = True
+    if change_note and is_on_page(recording):  # elsewhere what was shown is in the recording
+        header["warning"] = "the study has changed since: drawn as it is now"
     path.write_text(page_of(header, bundle), encoding="utf-8")
     size_mb = sum(file.stat().st_size for file in (path, *beside.files)) / 1e6
     summary = f"{len(trial_names)} of {len(lengths)} trials in space, {size_mb:.1f} MB"
