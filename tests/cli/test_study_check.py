@@ -13,13 +13,18 @@ from tests.sessions import perform
 from visavis.cli.main import app
 from visavis.lab.clock import SimClock
 from visavis.lab.config_files import EXAMPLE
-from visavis.lab.errors import DataError
+from visavis.lab.errors import DataError, UsageError
 from visavis.protocol.people.ledger import Ledger
 from visavis.protocol.people.own_body import OwnBody, write_own_body
 from visavis.recording.annotations import ANNOTATIONS_NAME, Annotation, place_annotations
 from visavis.recording.manifest import read_manifest, write_manifest
 from visavis.running.sessions.folder_check import repair_study, study_problems
-from visavis.running.sessions.study_folder import StudySettings, read_settings, settle
+from visavis.running.sessions.study_folder import (
+    StudySettings,
+    read_settings,
+    sessions_of,
+    settle,
+)
 
 
 @pytest.fixture
@@ -33,6 +38,14 @@ def study(tmp_path: Path) -> Path:
         record_session(tmp_path, 2, participant=person)
         write_own_body(folder / f"sub-{person}", OwnBody("female", 1.7))
     return folder
+
+
+def test_a_session_in_the_place_of_its_study_is_told_which_folder_is_meant(study: Path) -> None:
+    session = study / "sub-S01B" / "ses-001"
+    with pytest.raises(UsageError, match=rf"did you mean {study}, the study that it lies in\?$"):
+        sessions_of(session)
+    with pytest.raises(UsageError, match=rf"did you mean {study}, "):
+        sessions_of(session.parent)
 
 
 def files(study: Path) -> list[Path]:

@@ -285,6 +285,12 @@ def sessions_of(folder: Path) -> tuple[Path, ...]:
         raise UsageError(f"{folder} does not exist; give the folder of a study")
     sessions = session_folders(folder)
     if not sessions:
+        studies_above = [p for p in folder.resolve().parents[:2] if (p / SETTINGS_NAME).is_file()]
+        if studies_above:
+            raise UsageError(
+                f"{folder} holds no sessions (sub-…/ses-…); did you mean {studies_above[0]}, the "
+                "study that it lies in?"
+            )
         inner = sorted(p.parent for p in folder.glob(f"*/{SETTINGS_NAME}"))
         inner += sorted(p.parent for p in folder.glob(f"*/*/{SETTINGS_NAME}"))
         command = f"visavis run {typed_study(folder)} --participant 1"
