@@ -2,6 +2,7 @@
 
 import contextlib
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -256,6 +257,14 @@ def test_card_without_stamps_is_told_and_times_are_arrival_less_latency():
     key.run(3.0, step_ms=1)
     assert [5.0] == pytest.approx(key.times_s(1.0), abs=0.006)
     assert "arrival less latency" in key.device.check()[0].message
+
+
+def test_block_without_a_stamp_that_comes_as_the_device_is_closed_harms_nothing():
+    key = Key()
+    take = key.device._take
+    key.device.close()
+    times = SimpleNamespace(currentTime=1.0, inputBufferAdcTime=0.0)
+    take(np.zeros((480, 1), np.float32), 480, times, SimpleNamespace(input_overflow=False))
 
 
 def test_room_in_which_no_voice_could_be_louder_is_told():

@@ -67,7 +67,7 @@ class VoiceKey(OnCardStream):
         self.controls: tuple[str, ...] = (VOICE,)
         self._detector: OnsetDetector | None = None
         self._blocks: deque[_Block] = deque(maxlen=KEPT_BLOCKS)
-        self._has_stamps = True
+        self._has_stamps, self._latency_s = True, 0.0
         self._is_down = False
         self._from_ns = self._last_host_ns = self._last_block_ns = 0
         self._begin()
@@ -134,7 +134,7 @@ class VoiceKey(OnCardStream):
             callback=self._take,
         )
         self._blocks.clear()
-        self._has_stamps = True
+        self._has_stamps, self._latency_s = True, float(stream.latency)
         self._detector = OnsetDetector(
             stream.samplerate,
             threshold_db=self._options.threshold_db,
@@ -155,7 +155,7 @@ class VoiceKey(OnCardStream):
         """Take a block; it runs in the card's own thread."""
         at_s = float(times.inputBufferAdcTime)
         if at_s <= 0.0:  # some audio interfaces of operating systems give no stamp
-            at_s, self._has_stamps = float(times.currentTime) - float(self._stream.latency), False
+            at_s, self._has_stamps = float(times.currentTime) - self._latency_s, False
         self._overflows += bool(getattr(status, "input_overflow", False))
         self._blocks.append(_Block(data[:, 0].copy(), at_s))
 
