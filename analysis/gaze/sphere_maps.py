@@ -104,7 +104,7 @@ def cc(grid: SphereGrid, density: Values, other: Values) -> float:
     CC of salient360 (Gutiérrez et al. 2018, Signal Process Image Commun 69:35).
 
     Raises:
-        ValueError: a map is the same everywhere.
+        ValueError: a map is the same everywhere, or not of the grid.
     """
     one, two = _standardised(grid, density), _standardised(grid, other)
     return float((_weights(grid) * one * two).sum())
@@ -113,10 +113,16 @@ def cc(grid: SphereGrid, density: Values, other: Values) -> float:
 def kld(grid: SphereGrid, density: Values, other: Values) -> float:
     """Return the Kullback-Leibler divergence of a map (rows, columns) from another, in nats: how
     much is lost where `other` stands for `density`, cells counting by their size; their KLD.
+
+    Raises:
+        ValueError: a map has no time in it, or is not of the grid.
     """
     tiny = np.finfo(np.float64).eps
     weight = _weights(grid)
-    p, q = (one / (weight * one).sum() for one in (density, other))
+    sums = [_weighted_sum(grid, one) for one in (density, other)]
+    if not min(sums) > 0:
+        raise ValueError("a map has no time in it")
+    p, q = density / sums[0], other / sums[1]
     return float((weight * p * np.log(tiny + p / (q + tiny))).sum())
 
 
@@ -125,8 +131,10 @@ def nss(grid: SphereGrid, density: Values, right_deg: Values, up_deg: Values) ->
     standard deviations over its mean it is there, mean and deviation by solid angle; their NSS.
 
     Raises:
-        ValueError: the map is the same everywhere.
+        ValueError: the map is the same everywhere or not of the grid, or there are no fixations.
     """
+    if not len(right_deg):
+        raise ValueError("there are no fixations")
     return float(_standardised(grid, density)[grid.cells_of(right_deg, up_deg)].mean())
 
 
@@ -136,9 +144,16 @@ def _weights(grid: SphereGrid) -> Values:
     return weights
 
 
+def _weighted_sum(grid: SphereGrid, density: Values) -> float:
+    if density.shape != grid.shape:
+        of_map, of_grid = (f"{rows} × {columns}" for rows, columns in (density.shape, grid.shape))
+        raise ValueError(f"a map has {of_map} cells, not {of_grid}")
+    return float((_weights(grid) * density).sum())
+
+
 def _standardised(grid: SphereGrid, density: Values) -> Values:
     weight = _weights(grid)
-    mean = (weight * density).sum()
+    mean = _weighted_sum(grid, density)
     off = density - mean
     sd = np.sqrt((weight * off**2).sum())
     if not sd > 1e-9 * abs(mean):

@@ -131,3 +131,16 @@ def test_fixations_are_so_many_deviations_over_the_mean_of_a_map() -> None:
     assert 2 * sd == pytest.approx(peak, rel=0.02)
     with pytest.raises(ValueError, match="the same everywhere"):
         cc(GRID, density, np.ones(GRID.shape))
+
+
+def test_maps_that_cannot_be_compared_are_refused_with_why() -> None:
+    density, nothing = map_of(40.5, 50.5), np.zeros(GRID.shape)
+    for pair in ((density, nothing), (nothing, density)):
+        with pytest.raises(ValueError, match="a map has no time in it"):
+            kld(GRID, *pair)
+    with pytest.raises(ValueError, match=r"a map has 90 × 180 cells, not 180 × 360"):
+        kld(GRID, density, np.ones((90, 180)))
+    with pytest.raises(ValueError, match=r"a map has 90 × 180 cells, not 180 × 360"):
+        cc(GRID, density, np.ones((90, 180)))
+    with pytest.raises(ValueError, match="there are no fixations"):
+        nss(GRID, density, np.zeros(0), np.zeros(0))
