@@ -184,8 +184,8 @@ def test_frames_that_were_drawn_with_a_window_after_gaze_redraw_with_it_where_it
     (tmp_path / "windows.py").write_text(WINDOWS, "utf-8")
     study = find_study(str(tmp_path / "windows.py"))
     monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
-    asked = request_in(tmp_path, study, EXAMPLE)
-    recording = Recording(perform_new(asked))
+    about = request_in(tmp_path, study, EXAMPLE)
+    recording = Recording(perform_new(about))
     (stage,) = made
     stage.close()
     frames = recording.stream_arrays("drawn")["frame"].tolist()

@@ -53,8 +53,8 @@ def opened(folder, lines, answer="'trigger'"):
 
 def recording_of(folder, *lines, answer="'trigger'"):
     study = opened(folder, lines, answer)
-    asked = request_in(folder, study, EXAMPLE)
-    return Recording(perform_new(asked))
+    about = request_in(folder, study, EXAMPLE)
+    return Recording(perform_new(about))
 
 
 def staged_scene_of(start_ns=0, **options):
@@ -208,8 +208,8 @@ def older(tmp_path_factory):
     study = opened(folder, ['yield t.show(Scene("person", **WALK, eyes="directed"), 3)'])
     config = lab_in(folder, EXAMPLE)
     experiment = replace(study.experiment({}), heads_move=False)
-    asked = simulated_request(study, experiment, config, label="S01", index=0, seed=1)
-    return Recording(perform_new(asked)), study
+    about = simulated_request(study, experiment, config, label="S01", index=0, seed=1)
+    return Recording(perform_new(about)), study
 
 
 def heads_of_scenes(recording):

@@ -37,8 +37,8 @@ def opened(folder, study=STUDY):
 def recording(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("waits")
     study = opened(folder)
-    asked = request_in(folder, study, request.param)
-    return Recording(perform_new(asked))
+    about = request_in(folder, study, request.param)
+    return Recording(perform_new(about))
 
 
 def test_gaze_ends_what_is_shown_and_its_delay_is_in_the_row(recording):

@@ -61,14 +61,14 @@ def opened(folder, text=STUDY):
 def request_of(folder, lab):
     keys = 'Keys("f", "j")', 'Keys("answer", ["trigger"])'
     study = opened(folder, STUDY if lab == SCREEN_EXAMPLE else STUDY.replace(*keys))
-    asked = request_in(folder, study, lab)
-    return study, asked
+    about = request_in(folder, study, lab)
+    return study, about
 
 
 @pytest.fixture(scope="module", params=[SCREEN_EXAMPLE, EXAMPLE], ids=["screen", "headset"])
 def session(request, tmp_path_factory):
-    study, asked = request_of(tmp_path_factory.mktemp("window"), request.param)
-    return study, CachedRecording(perform_new(asked))
+    study, about = request_of(tmp_path_factory.mktemp("window"), request.param)
+    return study, CachedRecording(perform_new(about))
 
 
 def test_the_loops_delay_is_in_the_row_and_in_the_stream(session):
@@ -159,15 +159,15 @@ def test_a_check_says_how_late_windows_were(session, monkeypatch, delay_ms, leve
 
 
 def test_a_session_that_was_killed_goes_on_and_is_the_same_again_bit_for_bit(tmp_path):
-    study, asked = request_of(tmp_path, SCREEN_EXAMPLE)
+    study, about = request_of(tmp_path, SCREEN_EXAMPLE)
     with pytest.raises(SessionAborted):
-        perform_new(replace(asked, operator=Killed(2900)))
+        perform_new(replace(about, operator=Killed(2900)))
     path = next((tmp_path / "data").glob("simulated/window/sub-*/ses-001"))
-    recording = Recording(perform_rest(replace(asked, clock=SimClock()), path))
+    recording = Recording(perform_rest(replace(about, clock=SimClock()), path))
     assert len(recording.manifest.parts) == 2
     assert len(recording.stream_arrays("gaze_window", part=1)["seq"]) > 0
     assert (recording.trials()["status"] == "complete").sum() == 2
-    verdict = verify(recording, study, asked.config, tmp_path / "again")
+    verdict = verify(recording, study, about.config, tmp_path / "again")
     assert verdict.first is None
     assert verdict.row_counts["gaze_window"] > 100
 

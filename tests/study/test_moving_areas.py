@@ -305,8 +305,8 @@ def written(folder: Path, pictures: int) -> Any:
 def session(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("balls")
     study = written(folder, 3 * RATE_HZ)
-    made = request_in(folder, study, request.param)
-    return study, Recording(perform_new(made))
+    about = request_in(folder, study, request.param)
+    return study, Recording(perform_new(about))
 
 
 def times_and_right_deg(recording: Any, row: Any) -> tuple[Any, Any]:
@@ -354,7 +354,7 @@ def test_a_map_outlines_an_area_where_it_was_in_the_picture_that_is_drawn(sessio
     ahead = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
     rights = []
     for t_s in (0.0, 1.5, 3.0):
-        ((_, corners), _) = _outlines(
+        ((_, (corners,)), _) = _outlines(
             trial, "stimulus", ahead, row["stimulus_on_ns"] + round(t_s * 1e9)
         )
         rights.append(corners[:, 0].mean())

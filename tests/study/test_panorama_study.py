@@ -51,8 +51,8 @@ def written(folder, text=STUDY):
 
 
 def performed(folder, study, example):
-    asked = request_in(folder, study, example)
-    return CachedRecording(perform_new(asked))
+    about = request_in(folder, study, example)
+    return CachedRecording(perform_new(about))
 
 
 @pytest.fixture(scope="module", params=[SCREEN_EXAMPLE, EXAMPLE], ids=["screen", "headset"])

@@ -174,9 +174,9 @@ def test_what_people_did_elsewhere_becomes_a_session_like_any_other(host: Host) 
     bundle = host.export()
     lines = lines_of(bundle, 1, parameters={"PROLIFIC_PID": "5f3a99c"})
     results = write(host.root / "r.jsonl", [*lines[:3], *lines])  # some came twice
-    made = host.take_in(results)
-    assert () == made.refused_runs
-    ((label, path),) = made.sessions.items()
+    intake = host.take_in(results)
+    assert () == intake.refused_runs
+    ((label, path),) = intake.sessions.items()
     recording = Recording(path)
     assert "complete" == recording.status
     rows = recording.trials()
@@ -195,13 +195,13 @@ def test_what_people_did_elsewhere_becomes_a_session_like_any_other(host: Host) 
 
 def test_a_place_that_two_people_had_loses_nobody(host: Host) -> None:
     bundle = host.export()
-    made = host.take_in(
+    intake = host.take_in(
         write(host.root / "r.txt", lines_of(bundle, 2), lines_of(bundle, 2, key="r2"))
     )
-    assert 2 == len(made.sessions)
+    assert 2 == len(intake.sessions)
     assert [2, 3] == [entry.index for entry in host.ledger.list()]
-    assert (list(made.sessions)[1],) == made.moved_labels
-    plans = [Recording(path).manifest.plan for path in made.sessions.values()]
+    assert (list(intake.sessions)[1],) == intake.moved_labels
+    plans = [Recording(path).manifest.plan for path in intake.sessions.values()]
     assert plans[0] == plans[1]
 
 
@@ -210,10 +210,10 @@ def test_who_left_is_recorded_when_asked_for_and_who_withdrew_never(host: Host) 
     left, gone = lines_of(bundle, 0, replies=4), lines_of(bundle, 1, key="r2", replies=4)
     gone[-1]["event"]["reply"] = {"stop": "delete", "hidden_ms": 0.0}
     results = write(host.root / "r.jsonl", left, gone)
-    made = host.take_in(results)
-    assert ({}, 1, ("r2",)) == (made.sessions, made.unfinished, made.withdrawn_runs)
-    made = host.take_in(results, unfinished_too=True)
-    (path,) = made.sessions.values()
+    intake = host.take_in(results)
+    assert ({}, 1, ("r2",)) == (intake.sessions, intake.unfinished, intake.withdrawn_runs)
+    intake = host.take_in(results, unfinished_too=True)
+    (path,) = intake.sessions.values()
     assert ("aborted", 1) == (Recording(path).status, len(Recording(path).trials()))
 
 
@@ -237,10 +237,10 @@ def test_who_was_recorded_unfinished_goes_on_in_the_same_session_once_more_is_th
     for n, line in enumerate(later):
         line["line"] = n
     results = write(host.root / "r.jsonl", later)
-    made = host.take_in(results)
-    assert ((), {}) == (made.refused_runs, made.sessions)
-    assert begun.sessions == made.continued_sessions
-    (path,) = made.continued_sessions.values()
+    intake = host.take_in(results)
+    assert ((), {}) == (intake.refused_runs, intake.sessions)
+    assert begun.sessions == intake.continued_sessions
+    (path,) = intake.continued_sessions.values()
     recording = Recording(path)
     assert "complete" == recording.status
     rows = recording.trials()
@@ -260,10 +260,10 @@ def test_one_identifier_in_two_browsers_is_one_participant_whose_whole_run_count
     bundle, who = host.export(), {"PROLIFIC_PID": "5f3a99c"}
     first = lines_of(bundle, 0, replies=4, parameters=who)
     whole, third = (lines_of(bundle, k, key=f"r{k + 1}", parameters=who) for k in (1, 2))
-    made = host.take_in(write(host.root / "r.jsonl", first, whole, third), unfinished_too=True)
-    ((label, path),) = made.sessions.items()
+    intake = host.take_in(write(host.root / "r.jsonl", first, whole, third), unfinished_too=True)
+    ((label, path),) = intake.sessions.items()
     assert "r2" == Recording(path).manifest.configuration["imported"]["run"]
-    assert {("r1", label), ("r3", label)} == {*made.twice}
+    assert {("r1", label), ("r3", label)} == {*intake.twice}
     later = host.take_in(write(host.root / "r.jsonl", third))
     assert ({}, (("r3", label),)) == (later.sessions, later.twice)
     assert 1 == len(host.ledger.list())
@@ -273,7 +273,7 @@ def test_a_link_that_names_somebody_of_the_ledger_is_recorded_as_theirs(host: Ho
     host.ledger.add()
     entry = host.ledger.add()
     bundle = host.export()
-    made = host.take_in(
+    intake = host.take_in(
         write(
             host.root / "r.jsonl",
             lines_of(bundle, 1, parameters={"participant": "2"}),
@@ -281,10 +281,10 @@ def test_a_link_that_names_somebody_of_the_ledger_is_recorded_as_theirs(host: Ho
             lines_of(bundle, 2, key="r3", parameters={"participant": "2H-99"}),
         )
     )
-    assert (("r2", entry.label),) == made.twice
-    assert [entry.label, host.ledger.list()[2].label] == list(made.sessions)
-    assert "complete" == Recording(made.sessions[entry.label]).status
-    assert () == made.refused_runs
+    assert (("r2", entry.label),) == intake.twice
+    assert [entry.label, host.ledger.list()[2].label] == list(intake.sessions)
+    assert "complete" == Recording(intake.sessions[entry.label]).status
+    assert () == intake.refused_runs
 
 
 PLACEHOLDER = {"id": "{{%ID%}}"}
@@ -319,9 +319,9 @@ def test_results_that_do_not_fit_are_left_out_whole_with_the_reason(
     lines = lines_of(bundle, 0)
     spoil(lines)
     other = lines_of(bundle, 1, key="r2")
-    made = host.take_in(write(host.root / "r.jsonl", lines, other))
-    assert refusal in made.refused_runs[0]
-    assert (1, 1) == (len(made.sessions), len(host.ledger.list()))
+    intake = host.take_in(write(host.root / "r.jsonl", lines, other))
+    assert refusal in intake.refused_runs[0]
+    assert (1, 1) == (len(intake.sessions), len(host.ledger.list()))
 
 
 def test_a_study_whose_steps_depend_on_answers_cannot_be_written_down(tmp_path: Path) -> None:
@@ -437,8 +437,8 @@ def test_one_damaged_line_leaves_the_results_of_everybody_else(host: Host) -> No
     results.write_text(results.read_text("utf-8") + '{"run": "r3", "line": Infinity}\n', "utf-8")
     _, unreadable = read_runs([results])
     assert 1 == unreadable
-    made = host.take_in(results)
-    assert (1, 1) == (len(made.sessions), len(made.refused_runs))
+    intake = host.take_in(results)
+    assert (1, 1) == (len(intake.sessions), len(intake.refused_runs))
 
 
 def with_damaged_films(host: Host) -> Host:
@@ -470,9 +470,9 @@ def test_whose_film_failed_is_recorded_with_that_trial_skipped(tmp_path: Path) -
             line["event"]["reply"] = {"films": {}, "hidden_ms": 0.0}
         elif step["kind"] == "watch":
             line["event"]["reply"] = {"shown_ms": 0.0, "failed": {"film": "f", "why": "error 4"}}
-    made = host.take_in(write(host.root / "r.jsonl", lines))
-    assert () == made.refused_runs
-    (path,) = made.sessions.values()
+    intake = host.take_in(write(host.root / "r.jsonl", lines))
+    assert () == intake.refused_runs
+    (path,) = intake.sessions.values()
     rows = Recording(path).trials()
     assert ["skipped", "skipped"] == list(rows["status"])
     assert ["film f: error 4"] * 2 == list(rows["reason"])
@@ -528,9 +528,9 @@ def save(page: Any, host: Host) -> Path:
 
 def recording_of(host: Host, results: Path) -> tuple[str, Recording]:
     """Import the answers of one person; return label and session."""
-    made = host.take_in(results)
-    assert () == made.refused_runs
-    ((label, path),) = made.sessions.items()
+    intake = host.take_in(results)
+    assert () == intake.refused_runs
+    ((label, path),) = intake.sessions.items()
     return label, Recording(path)
 
 

@@ -91,7 +91,7 @@ def scene_content(
         "morphs": _keys(bundle, morphs.transpose(1, 0, 2), OFF_BY_SHARE, 1 / 1000),
         "light": bundle.add_quantised(np.array([[s.picture.brightness_01] for s in samples])),
         "mark": None if first.mark_m is None else [float(x) for x in first.mark_m],
-        # Taken from the first sample: `_runs` cuts where things, boards or agents change.
+        # Of the first sample: all of them show the same things, boards and agents.
         "moving": [
             {
                 "mesh": models.thing(m.prop),
