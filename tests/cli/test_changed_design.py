@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from PIL import Image as Picture
 from typer.testing import CliRunner
 
 from tests.faults.sessions import CONFIG
@@ -18,6 +19,7 @@ from visavis.running.sessions.recorded_design import (
     design_of_session,
     in_words,
 )
+from visavis.study.files_read import differing_files
 
 STUDY = """
 from visavis import Compare, Factor, Rating, Scene, Study
@@ -151,6 +153,21 @@ def test_sessions_of_two_designs_in_a_folder_are_told_apart(file: Path, tmp_path
     assert "parameter repetitions 1, now 3" == in_words(changes)
     assert "1 of 2 sessions" in mixed
     assert "S02C: parameter repetitions 1, now 3" in mixed
+
+
+def test_a_picture_that_was_not_the_same_in_all_sessions_is_named(tmp_path: Path) -> None:
+    shown = ('Scene("person", motion=t.motion, distance_m=1.5)', 'Image("a.png", 5)')
+    text = STUDY.replace(*shown).replace("import Compare", "import Image, Compare")
+    (tmp_path / "meet.py").write_text(text, "utf-8")
+    for participants, colour in ((1, "red"), (2, "blue")):
+        Picture.new("RGB", (40, 40), colour).save(tmp_path / "a.png")
+        simulated(tmp_path / "meet.py", tmp_path / "out", participants)
+    folder = tmp_path / "out" / "simulated" / "meet"
+    says = "a.png was not the same file in all sessions"
+    assert says in visavis("analyse", str(folder))
+    configurations = [read_manifest(p.parent).configuration for p in folder.rglob("manifest.json")]
+    assert ["a.png"] == differing_files(configurations)
+    assert [] == differing_files(configurations[:1] * 2)
 
 
 def test_a_criterion_of_practice_that_comes_or_goes_is_another_design(file: Path) -> None:

@@ -1,7 +1,8 @@
 """The files beside a study's own that it shows or asks from: items, pictures, sounds, words."""
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
@@ -38,6 +39,17 @@ def changed_files(configuration: Mapping[str, Any], folder: Path) -> frozenset[s
         for name, digest in recorded.items()
         if (folder / name).is_file() and _sha256(folder / name) != digest
     )
+
+
+def differing_files(configurations: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return the names of files that were not the same in all sessions with these
+    configurations.
+    """
+    digests = defaultdict[str, set[str]](set)
+    for configuration in configurations:
+        for name, digest in configuration.get(FILES_KEY, {}).items():
+            digests[name].add(digest)
+    return sorted(name for name, of_sessions in digests.items() if len(of_sessions) > 1)
 
 
 def _sha256(path: Path) -> str:

@@ -80,6 +80,7 @@ from visavis.running.sessions.trial_counter import TrialCounter, repeating
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import reference_of
 from visavis.study.experiment import StudyExperiment
+from visavis.study.files_read import differing_files
 from visavis.study.pieces import Pieces
 from visavis.study.sections import TrialToSee
 
@@ -286,6 +287,8 @@ def analyse_study(
     is_ours = output is None or not out_dir.exists()
     make_folder(out_dir, exist_ok=True)
     use_recorded_cast(Recording(sessions[0]))  # before anything of the study is made
+    for name in differing_files(manifest.configuration for manifest in manifests):
+        notifier.warn(f"{name} was not the same file in all sessions: people saw or heard others")
     opened_study, change_warning = study_of_folder(folder, study)
     opened_study = _with_recorded_design(opened_study, change_warning, folder, manifests, notifier)
     settings = read_parameters(list(measure))
