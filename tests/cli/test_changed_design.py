@@ -156,8 +156,8 @@ def test_sessions_of_two_designs_in_a_folder_are_told_apart(file: Path, tmp_path
 
 
 def test_a_picture_that_was_not_the_same_in_all_sessions_is_named(tmp_path: Path) -> None:
-    shown = ('Scene("person", motion=t.motion, distance_m=1.5)', 'Image("a.png", 5)')
-    text = STUDY.replace(*shown).replace("import Compare", "import Image, Compare")
+    scenes = ('Scene("person", motion=t.motion, distance_m=1.5)', 'Image("a.png", 5)')
+    text = STUDY.replace(*scenes).replace("import Compare", "import Image, Compare")
     (tmp_path / "meet.py").write_text(text, "utf-8")
     for participants, colour in ((1, "red"), (2, "blue")):
         Picture.new("RGB", (40, 40), colour).save(tmp_path / "a.png")

@@ -87,8 +87,8 @@ def _read(
     if is_around and suffix not in (".png", ".svg"):
         areas = [(where, _from_degrees(area, size_px)) for where, area in areas]
     if not areas:
-        unpainted = ": every pixel is black, or less than half opaque" if suffix == ".png" else ""
-        raise DesignError(f"{path} has no areas{unpainted}; describe or paint one at least")
+        why_none = ": every pixel is black, or less than half opaque" if suffix == ".png" else ""
+        raise DesignError(f"{path} has no areas{why_none}; describe or paint one at least")
     corners = sum(len(area.outline) for _, area in areas)
     corners += sum(len(key.outline) for _, area in areas for key in area.keys)
     if corners > MAX_CORNERS:

@@ -33,10 +33,10 @@ def changed_files(configuration: Mapping[str, Any], folder: Path) -> frozenset[s
     """Return which files of a study in a folder are other ones than when a session with this
     configuration began.
     """
-    recorded = configuration.get(FILES_KEY, {})
+    digests = configuration.get(FILES_KEY, {})
     return frozenset(
         name
-        for name, digest in recorded.items()
+        for name, digest in digests.items()
         if (folder / name).is_file() and _sha256(folder / name) != digest
     )
 
