@@ -9,6 +9,9 @@ from typer.testing import CliRunner
 
 from tests.faults.sessions import CONFIG
 from visavis.cli.main import app
+from visavis.cli.studies import StudyHere
+from visavis.lab.config import load_config
+from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import UsageError
 from visavis.recording.manifest import read_manifest
 from visavis.results.opened_study import find_study
@@ -19,6 +22,7 @@ from visavis.running.sessions.recorded_design import (
     design_of_session,
     in_words,
 )
+from visavis.running.sessions.study_folder import read_settings
 from visavis.study.files_read import differing_files
 
 STUDY = """
@@ -159,15 +163,23 @@ def test_a_picture_that_was_not_the_same_in_all_sessions_is_named(tmp_path: Path
     scenes = ('Scene("person", motion=t.motion, distance_m=1.5)', 'Image("a.png", 5)')
     text = STUDY.replace(*scenes).replace("import Compare", "import Image, Compare")
     (tmp_path / "meet.py").write_text(text, "utf-8")
-    for participants, colour in ((1, "red"), (2, "blue")):
+    outputs = []
+    for participants, colour in ((1, "red"), (2, "red"), (3, "blue")):
         Picture.new("RGB", (40, 40), colour).save(tmp_path / "a.png")
-        simulated(tmp_path / "meet.py", tmp_path / "out", participants)
+        outputs.append(simulated(tmp_path / "meet.py", tmp_path / "out", participants))
+    note = "other files than in the first session of"
+    assert [False, False, True] == [note in output for output in outputs]
     folder = tmp_path / "out" / "simulated" / "meet"
     says = "a.png was not the same file in all sessions"
     assert says in visavis("analyse", str(folder))
     configurations = [read_manifest(p.parent).configuration for p in folder.rglob("manifest.json")]
     assert ["a.png"] == differing_files(configurations)
     assert [] == differing_files(configurations[:1] * 2)
+    lab = load_config(EXAMPLE).model_copy(update={"data_root": tmp_path / "out"})
+    here = StudyHere(lab, find_study(str(tmp_path / "meet.py")))
+    settings = read_settings(folder)
+    assert settings is not None
+    assert note in here.require_same_design(settings, settings)
 
 
 def test_a_criterion_of_practice_that_comes_or_goes_is_another_design(file: Path) -> None:

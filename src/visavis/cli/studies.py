@@ -22,7 +22,7 @@ from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.sessions.data_root import prepare_data_root
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.folder_check import is_study
-from visavis.running.sessions.recorded_design import require_same_design
+from visavis.running.sessions.recorded_design import note_on_files, require_same_design
 from visavis.running.sessions.study_folder import (
     SIMULATED_PREFIX,
     StudySettings,
@@ -105,7 +105,8 @@ class StudyHere:
     def require_same_design(
         self, settings: StudySettings, requested_settings: StudySettings
     ) -> str:
-        """Return a note where the study's file has changed and what sessions do has not, or "".
+        """Return a note where the study's file has changed and its design has not, or where what it
+        shows is another file than before, or "".
 
         Raises:
             UsageError: sessions here were made with another design.
@@ -115,11 +116,14 @@ class StudyHere:
             if self.is_simulated
             else 'Give the new study a name of its own, Study("NAME", …)'
         )
+        experiment = self.study.experiment(settings.parameters)
         require_same_design(
             self.folder,
-            self.study.experiment(settings.parameters),
+            experiment,
             f"{whose}; or another data_root in lab_config.yaml; or put the study file back",
         )
+        if note := note_on_files(self.folder, experiment):
+            return note
         if not settings.source_sha256 or settings.source_sha256 == requested_settings.source_sha256:
             return ""
         return (

@@ -23,6 +23,7 @@ from visavis.results.opened_study import OpenedStudy
 from visavis.running.sessions.study_folder import holds_trial, session_folders
 from visavis.stimuli.own_room import Room
 from visavis.study.experiment import StudyExperiment
+from visavis.study.files_read import differing_files, stimulus_files
 from visavis.study.responses import kind_of
 
 MAX_VALUES: Final = 12
@@ -169,6 +170,20 @@ def require_same_design(folder: Path, experiment: StudyExperiment, way_out: str)
             f"the sessions in {folder} were made with another design, and a folder holds sessions "
             f"of one: {in_words(changes)}. {way_out}"
         )
+
+
+def note_on_files(folder: Path, experiment: StudyExperiment) -> str:
+    """Return a note where what a study shows is another file than in the first session, or ""."""
+    first = next(manifests_of(folder), None)
+    if first is None:
+        return ""
+    names = differing_files([first.configuration, stimulus_files(experiment)])
+    if not names:
+        return ""
+    return (
+        f"other files than in the first session of {folder}: {', '.join(names)}. Who comes now "
+        "sees or hears something else; put the first ones back, or give the new study another name"
+    )
 
 
 def as_recorded(study: OpenedStudy, manifests: Sequence[Manifest]) -> OpenedStudy:

@@ -48,6 +48,7 @@ from visavis.running.sessions.recorded_design import (
     as_recorded,
     compare_designs,
     in_words,
+    note_on_files,
     recorded_sessions,
     require_recorded_factors,
     require_same_design,
@@ -156,6 +157,8 @@ def simulate_study(
         "Choose another --output; or put the study file back as it was, and "
         "the same command goes on with what is missing",
     )
+    if note := note_on_files(folder, experiment):
+        notifier.warn(note)
     has_changed = settings.source_sha256 not in ("", requested_settings.source_sha256)
     if has_changed and session_folders(folder):
         notifier.say(
