@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image as Files
 
-from tests.cli.viewer_tab import viewer_tab
+from tests.cli.viewer_tab import page_array, viewer_tab
 from tests.sessions import request_in
 from visavis.analysis.gaze.aoi import LOST, NONE
 from visavis.analysis.gaze.targets import GazeTargets
@@ -71,10 +71,7 @@ class Page:
 
     def array(self, ref: dict[str, Any]) -> np.ndarray[Any, Any]:
         """Return an array of the page; on it columns stand one after the other."""
-        rows, *shape = ref["s"]
-        count = int(np.prod(ref["s"]))
-        flat = np.frombuffer(self.arrays, "<" + ref["d"], count, ref["o"])
-        return flat.reshape(-1, rows).T.reshape(rows, *shape)
+        return page_array(self.arrays, ref)
 
     def picture(self, number: int) -> np.ndarray[Any, Any]:
         """Return a small picture of the page with its opacity."""

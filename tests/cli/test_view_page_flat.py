@@ -15,7 +15,7 @@ import pytest
 from PIL import Image as Files
 from typer.testing import CliRunner
 
-from tests.cli.viewer_tab import viewer_tab
+from tests.cli.viewer_tab import page_array, viewer_tab
 from visavis.cli.app import app
 from visavis.cli.recorded_trial import trial_row
 from visavis.cli.viewer.bundle import Bundle
@@ -68,10 +68,7 @@ class Page:
     file: Path
 
     def array(self, ref: dict[str, Any]) -> np.ndarray[Any, Any]:
-        rows, *shape = ref["s"]
-        count = int(np.prod(ref["s"]))
-        flat = np.frombuffer(self.arrays, "<" + ref["d"], count, ref["o"])
-        return flat.reshape(-1, rows).T.reshape(rows, *shape)
+        return page_array(self.arrays, ref)
 
     def second(self, t_ns: float) -> float:
         (part,) = self.header["parts"]

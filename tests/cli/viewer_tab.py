@@ -6,9 +6,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 import pytest
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+def page_array(arrays: bytes, ref: dict[str, Any]) -> npt.NDArray[Any]:
+    """Return an array of a page; on it columns stand one after the other."""
+    rows, *shape = ref["s"]
+    flat = np.frombuffer(arrays, "<" + ref["d"], int(np.prod(ref["s"])), ref["o"])
+    return flat.reshape(-1, rows).T.reshape(rows, *shape)
 
 
 @contextmanager

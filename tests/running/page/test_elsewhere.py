@@ -221,7 +221,7 @@ def test_who_was_recorded_unfinished_goes_on_in_the_same_session_once_more_is_th
     host: Host,
 ) -> None:
     bundle = host.export()
-    begun = host.take_in(
+    unfinished = host.take_in(
         write(host.root / "r.jsonl", lines_of(bundle, 0, replies=5)), unfinished_too=True
     )
     later = lines_of(bundle, 0)
@@ -239,7 +239,7 @@ def test_who_was_recorded_unfinished_goes_on_in_the_same_session_once_more_is_th
     results = write(host.root / "r.jsonl", later)
     intake = host.take_in(results)
     assert ((), {}) == (intake.refused_runs, intake.sessions)
-    assert begun.sessions == intake.continued_sessions
+    assert unfinished.sessions == intake.continued_sessions
     (path,) = intake.continued_sessions.values()
     recording = Recording(path)
     assert "complete" == recording.status

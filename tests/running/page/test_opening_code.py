@@ -89,8 +89,8 @@ def arrive(place: Place, *bodies: dict[str, Any]) -> list[dict[str, Any]]:
                     answers.append(await answer.json())
         return answers
 
-    found: list[dict[str, Any]] = serve(place, act)
-    return found
+    replies: list[dict[str, Any]] = serve(place, act)
+    return replies
 
 
 def test_without_the_code_nobody_gets_a_session_and_the_page_says_what_to_do(

@@ -187,8 +187,8 @@ def test_without_consent_a_place_is_taken_with_the_first_answer_of_a_person(
             await arrive(base, {})
         return [*counts, *outcomes, (await reception.board())["counts"]]
 
-    found = serve(place, act)
-    assert [{"arrived": 2}, "done", "full", {"complete": 1, "full": 1}] == found
+    replies = serve(place, act)
+    assert [{"arrived": 2}, "done", "full", {"complete": 1, "full": 1}] == replies
     late = Recording(place.sessions()[1])
     payloads = late.events().loc[late.events()["name"] == "page_event", "payload"]
     assert {"is_full": True} == [p["reply"] for p in payloads if p["kind"] == "reply"][-1]

@@ -153,12 +153,12 @@ def begin_of(blocks: list[dict[str, Any]], sound: Waveform, after: int) -> tuple
     blocks = sorted((b for b in blocks if b["frame"] + 128 > after), key=lambda b: b["frame"])
     frames = np.concatenate([block["frame"] + np.arange(128) for block in blocks])
     channels = [np.array(block["channels"], np.float32).T for block in blocks]
-    heard = np.concatenate([np.broadcast_to(block, (128, 2)) for block in channels])
+    samples_played = np.concatenate([np.broadcast_to(block, (128, 2)) for block in channels])
     samples = sound.at_both_ears(0.0)
     begins, has_one_place = [], []
     for k in range(0, min(len(samples), COMPARED) - 127, 128):
         window = samples[k : k + 128]
-        frames_of_k = frames[places_of(window, heard)]
+        frames_of_k = frames[places_of(window, samples_played)]
         begins.append(frames_of_k[frames_of_k > after] - k)
         has_one_place.append([k] == places_of(window, samples))
     exact = [of_k[0] for of_k, is_exact in zip(begins, has_one_place, strict=True) if is_exact]
@@ -184,13 +184,13 @@ def test_a_page_plays_every_sample_and_says_when(server: Server, page: Any) -> N
             waveform.name, waveform.samples * np.float32(10 ** (tone.level_db / 20)), PAGE_RATE_HZ
         )
         for part, sound in ((1, loud), (2, hum)):
-            heard = reply["parts"][part]["sound"]
+            sound_report = reply["parts"][part]["sound"]
             start, share = begin_of(blocks, sound, start)
             assert share > 0.9
-            assert "output_timestamp" == heard["by"]
+            assert "output_timestamp" == sound_report["by"]
             at_ms = 1000 * start / PAGE_RATE_HZ + float(np.median(offsets_ms))
-            unsure_ms = heard["error_ms"] + max(offsets_ms) - min(offsets_ms)
-            assert abs(at_ms - heard["on_ms"]) <= unsure_ms + 1.0
+            unsure_ms = sound_report["error_ms"] + max(offsets_ms) - min(offsets_ms)
+            assert abs(at_ms - sound_report["on_ms"]) <= unsure_ms + 1.0
     whole = rows[rows["frames_dropped"] == 0]
     apart_ms = (whole["beep_sound_on_ns"] - whole["beep_on_ns"]).abs() / 1e6
     assert (apart_ms <= FRAME_MS + whole["beep_sound_error_ms"]).all()
