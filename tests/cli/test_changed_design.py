@@ -1,6 +1,7 @@
 """A folder holds sessions of one design: what changed since is named, and does not mix."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,9 @@ from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import UsageError
 from visavis.recording.manifest import read_manifest
+from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.recorded_design import (
     changes_since,
     compare_designs,
@@ -22,6 +25,7 @@ from visavis.running.sessions.recorded_design import (
     design_of_session,
     in_words,
 )
+from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.study_folder import read_settings
 from visavis.study.files_read import differing_files
 
@@ -44,6 +48,9 @@ def trial(t):
     yield t.show(Scene("person", motion=t.motion, distance_m=1.5), seconds=t.person_s)
     yield t.ask(Rating("nice", 1, 7))
 """
+STUDY_OF_A_PICTURE = STUDY.replace(
+    'Scene("person", motion=t.motion, distance_m=1.5)', 'Image("a.png", 5)'
+).replace("import Compare", "import Image, Compare")
 CHANGES = [
     ('["idle", "wave"]', '["idle", "wave", "talk"]',
      "factor motion: levels idle, wave, now idle, wave, talk"),
@@ -160,9 +167,7 @@ def test_sessions_of_two_designs_in_a_folder_are_told_apart(file: Path, tmp_path
 
 
 def test_a_picture_that_was_not_the_same_in_all_sessions_is_named(tmp_path: Path) -> None:
-    scenes = ('Scene("person", motion=t.motion, distance_m=1.5)', 'Image("a.png", 5)')
-    text = STUDY.replace(*scenes).replace("import Compare", "import Image, Compare")
-    (tmp_path / "meet.py").write_text(text, "utf-8")
+    (tmp_path / "meet.py").write_text(STUDY_OF_A_PICTURE, "utf-8")
     outputs = []
     for participants, colour in ((1, "red"), (2, "red"), (3, "blue")):
         Picture.new("RGB", (40, 40), colour).save(tmp_path / "a.png")
@@ -180,6 +185,28 @@ def test_a_picture_that_was_not_the_same_in_all_sessions_is_named(tmp_path: Path
     settings = read_settings(folder)
     assert settings is not None
     assert note in here.require_same_design(settings, settings)
+
+
+def test_a_session_that_goes_on_says_which_picture_is_another_one_now(tmp_path: Path) -> None:
+    file = tmp_path / "meet.py"
+    file.write_text(STUDY_OF_A_PICTURE, "utf-8")
+    Picture.new("RGB", (40, 40), "red").save(tmp_path / "a.png")
+    simulated(file, tmp_path / "out", 1)
+    study = find_study(str(file))
+    lab = load_config(EXAMPLE).model_copy(update={"data_root": tmp_path / "out"})
+    request = simulated_request(study, study.experiment({}), lab, label="S01B", index=0, seed=1)
+    (session,) = (tmp_path / "out").rglob("sub-S01B/ses-001")
+    shutil.rmtree(session)
+
+    def end(*_: object) -> None:
+        raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        perform_new(replace(request, on_trial=end))
+    Picture.new("RGB", (40, 40), "blue").save(tmp_path / "a.png")
+    output = visavis("resume", str(session), "--fast")
+    assert "a.png is another file now than when" in output
+    assert "complete" == Recording(session).status
 
 
 def test_a_criterion_of_practice_that_comes_or_goes_is_another_design(file: Path) -> None:

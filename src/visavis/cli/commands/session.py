@@ -83,7 +83,7 @@ from visavis.running.sessions.study_folder import (
     may_become,
     read_settings,
     refuse_other,
-    study_of_folder,
+    study_of_session,
 )
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import typed_reference
@@ -451,7 +451,7 @@ def resume(
     # The rest must have the design of the first part, or the session would mix two studies.
     use_recorded_cast(recording)
     folder = session_path.resolve().parent.parent
-    opened_study, change_note = study_of_folder(folder, manifest.study)
+    opened_study, change_note = study_of_session(recording)
     if change_note:
         errors.print(f"[yellow]{verbatim(change_note)}[/]", soft_wrap=True)
     settings = read_settings(folder)
