@@ -32,7 +32,12 @@ from visavis.recording.manifest import read_manifest
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.runners import on_this_machine
-from visavis.running.sessions.simulation import SimulationTask, measure_one, simulate_one
+from visavis.running.sessions.simulation import (
+    MeasuringTask,
+    SimulationTask,
+    measure_one,
+    simulate_one,
+)
 
 STUDY = "stare"
 SEED = 1
@@ -103,7 +108,7 @@ def timed_measure(session: Path) -> Job[Any]:
     """Measure one session in this process."""
     before_s = cpu_time_s()
     with sampled() as parts:
-        measured = measure_one((STUDY, session, {}))
+        measured = measure_one(MeasuringTask(STUDY, session))
     return Job(measured, cpu_time_s() - before_s, peak_mb(), parts)
 
 

@@ -28,12 +28,9 @@ def require_whole(session: Path, *, accept: bool) -> None:
     Raises:
         DataError: a file is damaged, and damage is not accepted.
     """
-    damage_reports = require_intact([session], accept=accept)
-    if damage_reports:
-        say(
-            f"[yellow]{verbatim(count_damage(damage_reports, 1))}:\n"
-            f"{verbatim(describe(damage_reports))}[/]"
-        )
+    reports = require_intact([session], accept=accept)
+    if any(report.is_damaged for report in reports):
+        say(f"[yellow]{verbatim(count_damage(reports, 1))}:\n{verbatim(describe(reports))}[/]")
 
 
 def protect_and_register(

@@ -10,7 +10,12 @@ from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.quick import quick_study
-from visavis.running.sessions.simulation import SimulationTask, measure_one, simulate_one
+from visavis.running.sessions.simulation import (
+    MeasuringTask,
+    SimulationTask,
+    measure_one,
+    simulate_one,
+)
 
 SHORT = {"repetitions": 1, "trial_s": 6.0}
 SEED, INDEX = 7, 2
@@ -21,7 +26,7 @@ def test_the_short_path_measures_what_the_full_engine_measures(tmp_path: Path, a
     parameters = {**SHORT, "agents": agents}
     config = load_config(EXAMPLE).model_copy(update={"data_root": tmp_path})
     session = simulate_one(SimulationTask("stare", config, "P1", INDEX, "", SEED, True, parameters))
-    rows = measure_one(("stare", session, {})).rows
+    rows = measure_one(MeasuringTask("stare", session)).rows
     full = rows[~rows["is_practice"].astype(bool)].sort_values("number").reset_index(drop=True)
     opened = OpenedStudy(study)
     quick = quick_study(

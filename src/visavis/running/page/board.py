@@ -119,9 +119,8 @@ def state_of(recording: Recording, events: pd.DataFrame) -> str:
     if recording.status == "complete":
         return "complete"
     names = events["name"]
-    stop_payloads = list(events.loc[names == "stopped", "payload"])
-    if stop_payloads:
-        return STOPPED if stop_payloads[-1]["keep"] else WITHDRAWN
+    if (names == "stopped").any():
+        return WITHDRAWN if asks_for_deletion(events) else STOPPED
     if any(payload["agreed"] is False for payload in events.loc[names == "consent", "payload"]):
         return DECLINED
     if (names == FULL).any():
@@ -129,6 +128,12 @@ def state_of(recording: Recording, events: pd.DataFrame) -> str:
     if not is_held(recording.path):
         return "left"
     return "running" if has_answered(events) else ARRIVED
+
+
+def asks_for_deletion(events: pd.DataFrame) -> bool:
+    """Tell whether a person stopped, and does not want their data kept."""
+    stop_payloads = list(events.loc[events["name"] == "stopped", "payload"])
+    return bool(stop_payloads) and not stop_payloads[-1]["keep"]
 
 
 def has_answered(events: pd.DataFrame) -> bool:

@@ -16,23 +16,21 @@ MAX_LINES = 40
 
 
 def require_intact(sessions: Sequence[Path], *, accept: bool) -> tuple[DamageReport, ...]:
-    """Verify every file of sessions and return what is damaged, where that is accepted.
+    """Verify every file of sessions; return a report on each, damaged ones where that is accepted.
 
     Raises:
         DataError: a recording is damaged and that was not accepted; says what is missing.
     """
     with ThreadPoolExecutor() as pool:  # hashing lets other threads run
         reports = tuple(pool.map(_find_damage, sessions))
-    damage_reports = tuple(r for r in reports if r.is_damaged)
-    if not damage_reports:
-        return ()
-    if not accept:
+    damage_reports = [report for report in reports if report.is_damaged]
+    if damage_reports and not accept:
         raise DataError(
             f"{count_damage(damage_reports, len(sessions))}:\n{describe(damage_reports)}\n"
             "restore the files from a copy; or add --accept-damage to go on with what is left: "
             "trials that lost samples are then missing, and marked as damaged"
         )
-    return damage_reports
+    return reports
 
 
 def count_damage(reports: Sequence[DamageReport], of: int) -> str:

@@ -10,8 +10,7 @@ from visavis.lab.errors import DataError, RecordingError
 from visavis.recording.integrity import damage_of
 from visavis.recording.manifest import read_manifest
 from visavis.recording.reader import Recording
-from visavis.running.page.board import STATES, state_of
-from visavis.running.page.course import WITHDRAWN
+from visavis.running.page.board import STATES, asks_for_deletion, state_of
 from visavis.running.sessions.study_folder import one_per_participant
 
 ANSWER_EVENTS: Final = ("answer", "answered")
@@ -115,13 +114,14 @@ def _left_out_because(session: Path, lack: str, holds_enough: Callable[[Recordin
     """Return why a session is left out; "" where it is not, or nobody can tell."""
     try:
         recording = Recording(session)
-        state = state_of(recording, recording.events())
-        if state == WITHDRAWN:
+        events = recording.events()
+        # Only who left reads on: a session's status takes all of its files.
+        if asks_for_deletion(events) and recording.status != "complete":
             return "wanted their data deleted: visavis participant withdraw does it"
         if holds_enough(recording) or recording.status == "complete":
             return ""
         if damage_of(recording).is_damaged:
             return ""
-        return f"holds {lack} ({STATES[state]})"
+        return f"holds {lack} ({STATES[state_of(recording, events)]})"
     except (RecordingError, KeyError, OSError):
         return ""

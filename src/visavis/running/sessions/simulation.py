@@ -4,7 +4,7 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,6 +12,7 @@ from visavis.lab.compile_ahead import compile_kernel, read_list
 from visavis.lab.config import LabConfig
 from visavis.lab.garbage import collecting_seldom
 from visavis.recording.folder import session_dir
+from visavis.recording.integrity import DamageReport, adopt_report
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new, perform_rest
@@ -101,10 +102,21 @@ def do_job(job: tuple[Callable[[Any], Any], Any]) -> Any:
         return function(argument)
 
 
+@dataclass(frozen=True)
+class MeasuringTask:
+    """One session to measure; `damage` is what was found of it before, where it was looked at."""
+
+    study: str
+    session: Path
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    damage: DamageReport | None = None
+
+
 @collecting_seldom()
-def measure_one(job: tuple[str, Path, Mapping[str, Any]]) -> Any:
+def measure_one(task: MeasuringTask) -> Any:
     """Take in one session of a study; what comes back is for the study's `analyse`."""
-    reference, session, settings = job
-    recording = Recording(session)
+    recording = Recording(task.session)
+    if task.damage is not None:
+        adopt_report(recording, task.damage)
     use_recorded_cast(recording)
-    return find_study(reference).measure(recording, settings)
+    return find_study(task.study).measure(recording, task.settings)

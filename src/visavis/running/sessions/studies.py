@@ -22,6 +22,7 @@ from visavis.protocol.people.exports_register import ANALYSIS, register_export
 from visavis.protocol.people.ledger import Ledger, Participant, UnknownParticipant
 from visavis.recording.durable import make_folder, protect
 from visavis.recording.folder import SIMULATED_ROOT, session_dir
+from visavis.recording.integrity import DamageReport
 from visavis.recording.manifest import Manifest, read_manifest
 from visavis.recording.reader import Recording
 from visavis.results.intake import SessionIntake
@@ -56,6 +57,7 @@ from visavis.running.sessions.recorded_design import (
 from visavis.running.sessions.runners import on_scheduler, on_this_machine
 from visavis.running.sessions.session_list import require_whole
 from visavis.running.sessions.simulation import (
+    MeasuringTask,
     SimulationTask,
     do_job,
     kernels_of,
@@ -277,7 +279,8 @@ def analyse_study(
     watch = StopWatch()
     for line in require_whole(folder, accept=accept_damage):
         notifier.warn(line)
-    damage_reports = require_intact(sessions, accept=accept_damage)
+    reports = require_intact(sessions, accept=accept_damage)
+    damage_reports = [report for report in reports if report.is_damaged]
     bill_hash = short_bill_hash(folder)
     if bill_hash:
         notifier.say(f"bill of lading: {bill_hash}, the hash of all that was recorded")
@@ -315,7 +318,7 @@ def analyse_study(
         )
     else:
         intakes = _measure_sessions(
-            opened_study, sessions, processes, scheduler, settings, notifier
+            opened_study, sessions, reports, processes, scheduler, settings, notifier
         )
     # Keep one manifest per session, not two: with a hundred people they take most memory.
     intakes = [replace(one, manifest=m) for one, m in zip(intakes, manifests, strict=True)]
@@ -427,6 +430,7 @@ def _review(
 def _measure_sessions(
     study: OpenedStudy,
     sessions: Sequence[Path],
+    reports: Sequence[DamageReport],
     processes: int | None,
     scheduler: str | None,
     settings: Mapping[str, Any],
@@ -434,7 +438,10 @@ def _measure_sessions(
 ) -> list[Any]:
     """Measure session by session, here or on a scheduler."""
     reference = reference_of(study.study)
-    jobs = [(reference, s, settings) for s in sessions]
+    jobs = [
+        MeasuringTask(reference, session, settings, report)
+        for session, report in zip(sessions, reports, strict=True)
+    ]
     kernels = kernels_of(study.experiment({}), MEASURING)
     work = _Work(measure_one, jobs, kernels, "measuring")
     return _do(work, processes, scheduler, notifier)

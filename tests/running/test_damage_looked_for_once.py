@@ -1,0 +1,48 @@
+"""A session's files are looked through for damage once, before it is measured."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.sessions import STUDIES, perform
+from visavis.recording import reader
+from visavis.recording.integrity import DAMAGED_STATUS, TrialDamage, damage_of
+from visavis.recording.reader import Recording
+from visavis.running.sessions.damage import require_intact
+from visavis.running.sessions.intake_list import intake_list
+from visavis.running.sessions.simulation import MeasuringTask, measure_one
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return perform("duel", tmp_path_factory.mktemp("once"), repetitions=1).path
+
+
+def test_whoever_finished_is_taken_in_before_a_sample_is_read(
+    session: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert Recording(session).stream_names
+    monkeypatch.setattr(reader, "read_stream_file", lambda *_, **__: pytest.fail("it was read"))
+    assert (session,) == intake_list([session]).sessions
+
+
+def test_a_session_is_measured_by_the_report_on_its_damage(session: Path) -> None:
+    (report,) = require_intact([session], accept=False)
+    assert report == damage_of(Recording(session))
+    first = Recording(session).trials().iloc[0]
+    trial = TrialDamage(
+        int(first["recording_part"]),
+        str(first["trial_id"]),
+        int(first["attempt"]),
+        DAMAGED_STATUS,
+        (),
+        "a sector of the disk",
+    )
+    damaged = replace(report, trials=(trial,))
+    study = str(STUDIES / "duel.py")
+    rows = measure_one(MeasuringTask(study, session, damage=damaged)).rows
+    assert [DAMAGED_STATUS, "complete"] == list(rows["status"][:2])
+    assert "a sector of the disk" == rows["reason"].iloc[0]
+    rows = measure_one(MeasuringTask(study, session)).rows
+    assert ["complete", "complete"] == list(rows["status"][:2])
