@@ -22,7 +22,7 @@ from visavis.lab.config_files import EXAMPLE
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import FewTrials, perform_new
 from visavis.running.sessions.session_request import simulated_request
-from visavis.running.sessions.simulation import KERNEL_LIST, measure_one
+from visavis.running.sessions.simulation import KERNEL_LIST, MeasuringTask, measure_one
 
 STUDIES: Final = ("stare",)
 
@@ -60,7 +60,7 @@ def used_in(study: str, folder: Path) -> dict[str, list[str]]:
     request = simulated_request(opened_study, few, lab, label="S01A", index=0, seed=1)
     session = perform_new(request)
     simulating = kernels_in_use()
-    measure_one((study, session, {}))
+    measure_one(MeasuringTask(study, session))
     return {SIMULATING: sorted(simulating), MEASURING: sorted(kernels_in_use() - simulating)}
 
 
