@@ -55,31 +55,28 @@ def test_a_text_that_describes_none_is_no_stimulus(text: str) -> None:
 
 
 def performed(
-    file: Path, text: str, monkeypatch: pytest.MonkeyPatch, lab: Path = SCREEN_EXAMPLE
+    file: Path, text: str, lab: Path = SCREEN_EXAMPLE
 ) -> tuple[OpenedStudy, CachedRecording]:
-    """Return a study file and a session of it, which is drawn again by that file."""
+    """Return a study, by its file, and a session of it."""
     file.write_text(text, "utf-8")
     study = find_study(str(file))
     request = request_in(file.parent, study, lab)
-    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
     return study, CachedRecording(perform_new(request))
 
 
-def test_a_frame_is_drawn_again_with_what_was_shown(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    study, recording = performed(tmp_path / "again.py", STUDY, monkeypatch)
+def test_a_frame_is_drawn_again_with_what_was_shown(tmp_path: Path) -> None:
+    study, recording = performed(tmp_path / "again.py", STUDY)
     row = recording.trials().iloc[0]
     frames = recording.stream_arrays("frames", part=1)
 
     def frame_after(t_ns: int) -> int:
         return int(frames["frame_index"][np.searchsorted(frames["t_host_ns"], t_ns + 100_000_000)])
 
-    square, _ = redraw(recording, frame_after(int(row["stimulus_on_ns"])))
+    square, _ = redraw(study, recording, frame_after(int(row["stimulus_on_ns"])))
     height, width, _ = square.shape
     assert [255, 0, 0] == square[height // 2, width // 2].tolist()
     assert [255, 255, 255] == square[5, 5].tolist()
-    grating, _ = redraw(recording, frame_after(int(row["stimulus2_on_ns"])))
+    grating, _ = redraw(study, recording, frame_after(int(row["stimulus2_on_ns"])))
     assert [9, 9, 9] == grating[5, 5].tolist()
     middle = grating[height // 2 - 60 : height // 2 + 60, width // 2 - 60 : width // 2 + 60, 0]
     assert 200 < middle.max()
@@ -167,9 +164,9 @@ def trial(t):
 
 
 def test_moving_dots_are_drawn_again_as_they_stood_in_their_frame(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
 ) -> None:
-    study, recording = performed(tmp_path / "moving.py", MOVING, monkeypatch)
+    study, recording = performed(tmp_path / "moving.py", MOVING)
     row = recording.trials().iloc[0]
     trial = recorded_trial(recording, str(row["trial_id"]))
     events = recording.events()
@@ -189,7 +186,7 @@ def test_moving_dots_are_drawn_again_as_they_stood_in_their_frame(
         assert (moving_pixels(dots, (wide, high), step) == sheet.pixels).all(), frame
     frames = recording.stream_arrays("frames", part=1)
     k = int(np.searchsorted(frames["t_host_ns"], on_ns + 100_000_000))
-    first, again = (redraw(recording, int(frames["frame_index"][i]))[0] for i in (k, k))
-    (later, _) = redraw(recording, int(frames["frame_index"][k + 6]))
+    first, again = (redraw(study, recording, int(frames["frame_index"][i]))[0] for i in (k, k))
+    (later, _) = redraw(study, recording, int(frames["frame_index"][k + 6]))
     assert (first == again).all()
     assert (first != later).any()

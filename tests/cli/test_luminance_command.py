@@ -169,13 +169,13 @@ def test_plan_names_pictures_that_stay_and_contrasts_that_the_screen_has_not(lab
 
 
 def test_a_session_is_drawn_by_its_table_again_and_resumed_with_no_other(
-    tmp_path: Path, lab: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, lab: Path
 ) -> None:
     typed("devices", "luminance", "own.csv")
     config = load_config(lab)
     table = config.luminance
     assert table is not None
-    study, recording = performed(tmp_path / "again.py", STUDY, monkeypatch, lab)
+    study, recording = performed(tmp_path / "again.py", STUDY, lab)
     entry = recording.manifest.configuration["luminance"]
     assert table == table_of_entry(entry)
     found = [f.message for f in check_session(recording).findings if f.subject == "luminance"]
@@ -185,7 +185,7 @@ def test_a_session_is_drawn_by_its_table_again_and_resumed_with_no_other(
     frames = recording.stream_arrays("frames", part=1)
     lit_ns = int(recording.trials().iloc[0]["stimulus_on_ns"]) + 100_000_000
     frame = int(frames["frame_index"][frames["t_host_ns"].searchsorted(lit_ns)])
-    image, _ = redraw(recording, frame)
+    image, _ = redraw(study, recording, frame)
     row = image[image.shape[0] // 2, :, 0]
     brightest, darkest = light(float(row.max())), light(float(row.min()))
     assert 0.5 == pytest.approx((brightest - darkest) / (brightest + darkest), abs=0.01)

@@ -93,22 +93,23 @@ def test_boards_and_own_body_are_drawn_again(
     assert len(boards) > 2
     rows = [*boards[:2], boards[-1], *np.linspace(3, len(frames) - 1, 4).astype(int).tolist()]
     for i in rows:
-        again = redraw(recording, frames[i])
+        again = redraw(study, recording, frames[i])
         for old, new in zip(stage.kept[i][1], again, strict=True):
             assert np.abs(old.astype(int) - new.astype(int)).max() <= 1
 
 
 def test_a_frame_of_a_session_in_which_nothing_was_drawn_is_drawn(tmp_path: Path) -> None:
-    settled(tmp_path, opened("duel"))
+    study = opened("duel")
+    settled(tmp_path, study)
     recording = perform("duel", tmp_path, repetitions=1, practice=0)
     start_ns = int(recording.trials().iloc[0]["t_start_ns"])
     frames = recording.stream_arrays("frames")
     at = int(np.searchsorted(frames["t_host_ns"], start_ns)) + 20
-    left, right = redraw(recording, int(frames["frame_index"][at]))
+    left, right = redraw(study, recording, int(frames["frame_index"][at]))
     assert left.shape == right.shape
     assert len(np.unique(left.reshape(-1, 3), axis=0)) > 500
     with pytest.raises(UsageError, match="has no frame 999999"):
-        redraw(Recording(recording.path), 999_999)
+        redraw(study, Recording(recording.path), 999_999)
 
 
 def test_a_figure_is_drawn_again_as_it_was_moulded(
@@ -144,7 +145,7 @@ def test_a_figure_is_drawn_again_as_it_was_moulded(
     ]
     assert len(rows) > 6
     for i in rows[:: max(1, len(rows) // 6)]:
-        again = redraw(recording, int(drawn["frame"][i]))
+        again = redraw(study, recording, int(drawn["frame"][i]))
         for old, new in zip(stage.kept[i][1], again, strict=True):
             assert np.abs(old.astype(int) - new.astype(int)).max() <= 1
 
@@ -183,7 +184,6 @@ def test_frames_that_were_drawn_with_a_window_after_gaze_redraw_with_it_where_it
     monkeypatch.setattr(visavis.running.sessions.perform, "build_stage", build)
     (tmp_path / "windows.py").write_text(WINDOWS, "utf-8")
     study = find_study(str(tmp_path / "windows.py"))
-    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
     about = request_in(tmp_path, study, EXAMPLE)
     recording = Recording(perform_new(about))
     (stage,) = made
@@ -193,7 +193,7 @@ def test_frames_that_were_drawn_with_a_window_after_gaze_redraw_with_it_where_it
     for (_, images), frame in zip(stage.kept, frames, strict=True):
         is_red = images[0][..., 0] > 200
         if 0 < is_red.mean() < 0.9:
-            again = redraw(recording, frame)
+            again = redraw(study, recording, frame)
             assert all((a == b).all() for a, b in zip(again, images, strict=True))
             shares.append(round(float(is_red.mean()), 2))
     assert len(set(shares)) > 2

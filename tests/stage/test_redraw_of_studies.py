@@ -82,6 +82,6 @@ def test_every_drawn_frame_of_a_study_redraws_as_it_was(
     chosen_rows = sorted({0, len(frames) - 1, *np.flatnonzero(seen)[some].tolist()})
     assert seen[chosen_rows].sum() > 2
     for i in chosen_rows:
-        again = redraw(recording, frames[i])
+        again = redraw(chosen, recording, frames[i])
         for old, new in zip(stage.kept[i][1], again, strict=True):
             assert np.abs(old.astype(int) - new.astype(int)).max() <= 1

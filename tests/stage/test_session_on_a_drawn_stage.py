@@ -9,6 +9,7 @@ import pytest
 
 import visavis.running.sessions.perform
 from tests.faults.sessions import TRIALS, events, lab, path_of, perform
+from tests.sessions import opened
 from tests.stage.sessions import NowAndThen, perform_shortest
 from visavis.cli.redraw import recorded_frame, redraw
 from visavis.lab.clock import NS_PER_S, Clock
@@ -50,6 +51,7 @@ def test_recorded_frames_redraw_as_they_were(
 
     monkeypatch.setattr(visavis.running.sessions.perform, "build_stage", build)
     recording = perform_shortest(lab(tmp_path))
+    study = opened("stare")
     assert recording.status == "complete"
     (stage,) = made
     drawn = recording.stream_arrays("drawn")
@@ -63,11 +65,11 @@ def test_recorded_frames_redraw_as_they_were(
     assert len(dimming) > 1
     assert len(fading) > len(dimming)  # light that comes, too
     for i in {*with_people[[0, len(with_people) // 2, -1]], *fading[:2], *dimming[-2:]}:
-        again = redraw(recording, int(drawn["frame"][i]))
+        again = redraw(study, recording, int(drawn["frame"][i]))
         for old, new in zip(stage.kept[i][1], again, strict=True):
             assert np.abs(old.astype(int) - new.astype(int)).max() <= 1
     with pytest.raises(UsageError, match="was not drawn"):
-        recorded_frame(recording, int(drawn["frame"][0]) + 1)
+        recorded_frame(study, recording, int(drawn["frame"][0]) + 1)
 
 
 class _Failing(GeometryStage):

@@ -100,9 +100,8 @@ def test_the_window_is_where_the_newest_gaze_was(session):
         assert (windows[name][windows["valid"]] == gaze[name][rows]).all()
 
 
-def test_a_frame_is_drawn_again_with_its_window(session, monkeypatch):
+def test_a_frame_is_drawn_again_with_its_window(session):
     study, recording = session
-    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
     windows, frames = (recording.stream_arrays(name) for name in ("gaze_window", "frames"))
     greens = {}
     for row in recording.trials().to_dict("records"):
@@ -111,7 +110,7 @@ def test_a_frame_is_drawn_again_with_its_window(session, monkeypatch):
             windows["t_drawn_ns"][here & (windows["t_host_ns"] < row["asked_off_ns"])][0]
         )
         frame = int(frames["frame_index"][np.flatnonzero(frames["t_host_ns"] == drawn_ns)[0]])
-        image = redraw(recording, frame)[0].astype(int)
+        image = redraw(study, recording, frame)[0].astype(int)
         greens[row["seen"]] = int((image[..., 1] - image[..., 0] > 100).sum())
     assert 0 < greens["gaze"] < greens["around gaze"]
 

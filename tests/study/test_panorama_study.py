@@ -81,11 +81,10 @@ def test_what_is_straight_ahead_at_first_is_looked_at_first(session):
     assert first.loc[180, "lamp_first_look_ms"] < 1000
 
 
-def test_a_frame_is_drawn_again_as_the_view_was_turned(session, monkeypatch):
+def test_a_frame_is_drawn_again_as_the_view_was_turned(session):
     study, recording, rows, is_screen = session
     if not is_screen:
         pytest.skip("in a headset the head turns, not the view")
-    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
     frames = recording.stream_arrays("frames", part=1)
     turned = list(recording.events_named(VIEW_TURNED, 1)["payload"])
     seen = set()
@@ -99,7 +98,7 @@ def test_a_frame_is_drawn_again_as_the_view_was_turned(session, monkeypatch):
             if end_ns - begin_ns < 1_500_000_000 or abs(abs(ahead_deg) - 90) < 1:
                 continue  # not there yet, or the edge of the bright half
             frame = np.searchsorted(frames["t_host_ns"], end_ns - 50_000_000)
-            image, _ = redraw(recording, int(frames["frame_index"][frame]))
+            image, _ = redraw(study, recording, int(frames["frame_index"][frame]))
             expected = 180 if abs(ahead_deg) < 90 else 60
             seen.add(expected)
             assert expected == int(image[image.shape[0] // 2, image.shape[1] // 4, 0])

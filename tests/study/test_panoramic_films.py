@@ -104,19 +104,16 @@ def test_it_lasts_as_long_as_it_does_in_step_and_heard(session):
 
 
 @pytest.mark.parametrize("example", [SCREEN_EXAMPLE, EXAMPLE], ids=["screen", "headset"])
-def test_frames_were_lit_with_the_picture_that_was_due_and_are_drawn_again(
-    tmp_path, film, example, monkeypatch
-):
+def test_frames_were_lit_with_the_picture_that_was_due_and_are_drawn_again(tmp_path, film, example):
     study = lake_study(tmp_path, film, 'yield t.show(Panorama("lake.mp4", areas="left.yaml"), 0.6)')
     recording = CachedRecording(perform_new(heard_request(tmp_path, study, example, "offscreen")))
-    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
     frames = recording.stream_arrays("frames", part=1)
     (since_ns, _) = (p["moves_since_ns"] for p in recording.events_named("shown", 1)["payload"])
     for number in range(6):
         due_ns = since_ns + round((number + 0.5) / RATE_HZ * 1e9)
         k = np.searchsorted(frames["t_host_ns"], due_ns)
         frame = int(frames["frame_index"][k])
-        image = redraw(recording, frame)[0]  # refuses what was not drawn then
+        image = redraw(study, recording, frame)[0]  # refuses what was not drawn then
         assert number == number_ahead(image[image.shape[0] // 2, image.shape[1] // 2])
 
 

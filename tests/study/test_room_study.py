@@ -109,35 +109,31 @@ def test_the_hash_of_the_room_is_recorded_and_locked(session):
     assert all(digests["office.glb"] in p["areas"] for p in shown)
 
 
-def test_a_frame_is_drawn_again_in_the_room_and_only_in_the_one_that_was_shown(
-    session, monkeypatch
-):
+def test_a_frame_is_drawn_again_in_the_room_and_only_in_the_one_that_was_shown(session):
     study, recording, rows = session
-    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
     frames = recording.stream_arrays("frames", part=1)
     folder = study.study.files.folder
     for row in rows.to_dict("records"):
         k = np.searchsorted(frames["t_host_ns"], row["scene_on_ns"] + 3e9)
-        image, _ = redraw(recording, int(frames["frame_index"][k]))
+        image, _ = redraw(study, recording, int(frames["frame_index"][k]))
         red, green, blue = (image[..., c].astype(int) for c in range(3))
         assert ((red > 2 * green) & (red > 2 * blue) & (red > 60)).mean() > 0.005  # the lamp
         assert ((blue > 2 * red) & (blue > 60)).mean() > 0.005  # the cupboard
     write_room(folder / "office.glb", ROOM[:2])
     with pytest.raises(DataError, match=r"office\.glb is not the room that .* showed"):
-        redraw(recording, int(frames["frame_index"][k]))
+        redraw(study, recording, int(frames["frame_index"][k]))
     write_room(folder / "office.glb")
 
 
 @pytest.mark.parametrize("example", [SCREEN_EXAMPLE, EXAMPLE], ids=["screen", "headset"])
-def test_a_frame_that_was_drawn_in_the_session_is_drawn_again_alike(tmp_path, monkeypatch, example):
+def test_a_frame_that_was_drawn_in_the_session_is_drawn_again_alike(tmp_path, example):
     study = written(tmp_path, "yield t.show(OFFICE, 0.3)", calibrate=False)
     recording = performed(tmp_path, study, example, "offscreen")
-    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
     drawn = recording.stream_arrays("drawn", part=1)
     lit = np.flatnonzero(drawn["drawn"] & (drawn["brightness_01"] == 1.0))
     assert len(lit)
     frame = int(drawn["frame"][lit[-1]])
-    image = redraw(recording, frame)[0]  # refuses what is not exactly what was shown
+    image = redraw(study, recording, frame)[0]  # refuses what is not exactly what was shown
     red, green, blue = (image[..., c].astype(int) for c in range(3))
     assert ((red > 2 * green) & (red > 2 * blue) & (red > 60)).mean() > 0.005
 

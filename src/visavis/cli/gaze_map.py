@@ -514,7 +514,7 @@ def _compare(
 
 def figure_of_maps(result: GazeMaps, study: OpenedStudy, *, is_simulated: bool) -> ReportFigure:
     """Return the figure: a panel for each level, and the difference of the first two."""
-    texts = study.experiment({}).texts
+    texts = study.experiment({}, is_recorded=True).texts
     names = {level: label_of(texts, level) for level in result.levels}
     factor = label_of(texts, result.factor)
     n = count_of(len({who for of in result.people.values() for who in of}), "participant")
@@ -540,7 +540,7 @@ def figure_of_maps(result: GazeMaps, study: OpenedStudy, *, is_simulated: bool) 
 
 def difference_words(result: GazeMaps, study: OpenedStudy) -> str:
     """Return in a sentence where the first two levels differ, or why they were not compared."""
-    texts = study.experiment({}).texts
+    texts = study.experiment({}, is_recorded=True).texts
     names = {level: label_of(texts, level) for level in result.levels}
     if result.clusters is None:
         return f"Not compared: {result.why_not}."

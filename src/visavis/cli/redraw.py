@@ -19,7 +19,6 @@ from visavis.protocol.plan.shown_scene import RecordedScene, of_part, recorded_s
 from visavis.recording.cached import CachedRecording
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of
-from visavis.running.sessions.study_folder import study_of_folder
 from visavis.stage.drawn_stage import Display, DrawnStage, default_views
 from visavis.stage.frame_truth import read_views
 from visavis.stage.own_body import OwnBody
@@ -56,13 +55,14 @@ class RecordedFrame:
     bodies: tuple[OwnBody, ...] = ()
 
 
-def recorded_frame(recording: Recording, frame: int, *, part: int | None = None) -> RecordedFrame:
+def recorded_frame(
+    study: OpenedStudy, recording: Recording, frame: int, *, part: int | None = None
+) -> RecordedFrame:
     """Return everything a re-draw of a frame needs; `part` of the session is the first by default.
 
     Raises:
-        UsageError: nothing was drawn in this frame, or the study's file is gone.
+        UsageError: nothing was drawn in this frame.
     """
-    study, _ = study_of_folder(recording.path.resolve().parent.parent, recording.manifest.study)
     if not was_drawn(recording):
         raise UsageError(
             f"{recording.path}: nothing was drawn in this session (display.show was none); see "
@@ -112,8 +112,10 @@ def _last_lit(
     return shown_in_row(rows[dark - 1]) if dark else None
 
 
-def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list[Image]:
-    """Draw a recorded frame again; return its images, left first, equal within rounding.
+def redraw(
+    study: OpenedStudy, recording: Recording, frame: int, *, part: int | None = None
+) -> list[Image]:
+    """Draw a recorded frame of a study again; return its images, left first, equal within rounding.
 
     Where nothing was drawn in the session, it is drawn as it would have been, by two eyes that see
     90° up and down.
@@ -123,8 +125,8 @@ def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list
         StageError: nothing can draw here, or this version dresses the scene in another way.
     """
     if not was_drawn(recording):
-        return _draw_anew(recording, frame, part)
-    record = recorded_frame(recording, frame, part=part)
+        return _draw_anew(study, recording, frame, part)
+    record = recorded_frame(study, recording, frame, part=part)
     views, size_px, quality = read_views(record.views)
     people = len(record.drawn_row["level"])
     stage = DrawnStage(
@@ -144,9 +146,10 @@ def was_drawn(recording: Recording) -> bool:
     return "drawn" in recording.stream_names
 
 
-def _draw_anew(recording: Recording, frame: int, part: int | None) -> list[Image]:
+def _draw_anew(
+    study: OpenedStudy, recording: Recording, frame: int, part: int | None
+) -> list[Image]:
     """Draw a frame of a session in which nothing was drawn."""
-    study, _ = study_of_folder(recording.path.resolve().parent.parent, recording.manifest.study)
     part_number = recording.manifest.parts[0].number if part is None else part
     if "frames" not in recording.stream_names:
         raise UsageError(f"{recording.path} has no frames; `visavis film` films its pages")
@@ -302,7 +305,7 @@ def _experiment(recording: Recording, study: OpenedStudy) -> StudyExperiment:
     """Return the study as it was performed, made once where a recording is kept."""
 
     def make() -> StudyExperiment:
-        return study.experiment(overrides_of(recording.manifest.plan))
+        return study.experiment(overrides_of(recording.manifest.plan), is_recorded=True)
 
     if isinstance(recording, CachedRecording):
         return recording.once("experiment", make)

@@ -165,7 +165,7 @@ def dataset_about(recording: Recording, lab: LabConfig) -> DatasetAbout:
     except LabError:
         return DatasetAbout(**fields)
     study = opened_study.study
-    experiment = opened_study.experiment(overrides_of(recording.manifest.plan))
+    experiment = opened_study.experiment(overrides_of(recording.manifest.plan), is_recorded=True)
     source = () if study.report.source is None else (study.report.source.citation,)
     fields["references"] = (*fields["references"], *study.report.references, *source)
     description = f"{study.title}. {study.question}".strip()

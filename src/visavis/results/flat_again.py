@@ -14,7 +14,7 @@ from visavis.lab.geometry import Pose
 from visavis.lab.luminance import LUMINANCE_KEY, table_of_entry
 from visavis.lab.screen import PlacedScreen
 from visavis.protocol.plan.shown_scene import RecordedScene, of_part
-from visavis.stimuli.flat import KINDS, Flat, Panorama, rgb_of
+from visavis.stimuli.flat import KINDS, Flat, Image, Panorama, Video, rgb_of
 from visavis.stimuli.gaze_window import GAZE_WINDOW, NO_WINDOW, GazeWindow, WindowPlace
 from visavis.stimuli.own_room import Room
 from visavis.stimuli.panels import IN_HEADSET, Surface
@@ -46,10 +46,11 @@ def flat_views(record: RecordedScene, folder: Path) -> Iterator[SceneFrame]:
         luminance = table_of_entry(record.recording.manifest.configuration.get(LUMINANCE_KEY))
         flat = replace(lab_screen.flat, luminance=luminance)
         surface, heads = Surface(PlacedScreen(flat, upright)), heads[:1]
-    items = read_items_text(str(payload["option_items"]))
+    # The recording has the areas: their files are not needed.
+    items = tuple(map(_without_areas, read_items_text(str(payload["option_items"]))))
     panorama: Panorama | None = None
     if "option_panorama" in payload:
-        (panorama,) = read_items_text(f"({payload['option_panorama']},)")
+        (panorama,) = map(_without_areas, read_items_text(f"({payload['option_panorama']},)"))
     window: GazeWindow | None = None
     if f"option_{GAZE_WINDOW}" in payload:
         (window,) = read_items_text(f"({payload[f'option_{GAZE_WINDOW}']},)")
@@ -110,6 +111,11 @@ def read_items_text(text: str) -> tuple[Any, ...]:
         return tuple(_item(call) for call in calls)
     except (SyntaxError, ValueError, KeyError, TypeError) as error:
         raise DataError(f"no flat stimuli are described by {text[:60]!r}") from error
+
+
+def _without_areas(stimulus: Any) -> Any:
+    has_areas = isinstance(stimulus, Image | Video | Panorama)
+    return replace(stimulus, areas="") if has_areas else stimulus
 
 
 def _item(call: ast.expr) -> Flat | Panorama | Room | GazeWindow:

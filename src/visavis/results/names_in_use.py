@@ -60,7 +60,8 @@ def refuse_unknown_names(experiment: StudyExperiment, measures: Sequence[Measure
     roles = frozenset().union(*(t.roles for t in experiment.read.values()))
     areas = frozenset().union(*(t.areas for t in experiment.read.values()))
     visible = tuple(sorted(roles | areas))
-    uses += [(n, "area or role", visible) for m in study.analysis.measures for n in m.areas]
+    if not experiment.areas_gone:  # what those that are gone were called only recordings know
+        uses += [(n, "area or role", visible) for m in study.analysis.measures for n in m.areas]
     for name in (m.role for m in study.analysis.measures if m.role in areas - roles):
         raise DesignError(
             f"{line_saying(study.files.path, name) or study.name}: {name!r} is an area of "

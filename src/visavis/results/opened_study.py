@@ -103,14 +103,19 @@ class OpenedStudy:
         """The study's name in a heading."""
         return self.study.title
 
-    def experiment(self, overrides: Mapping[str, Any]) -> StudyExperiment:
+    def experiment(
+        self, overrides: Mapping[str, Any], *, is_recorded: bool = False
+    ) -> StudyExperiment:
         """Return the experiment; `overrides` replace parameters by name.
+
+        What `is_recorded` has its areas of interest in the recording: their files may be gone.
 
         Raises:
             ConfigError: a parameter, a value or a text does not exist.
             DesignError: a trial cannot be run through.
         """
-        experiment = StudyExperiment(self.study, dict(overrides))
+        areas_gone = set[str]() if is_recorded else None
+        experiment = StudyExperiment(self.study, dict(overrides), areas_gone=areas_gone)
         refuse_unknown_names(experiment, self.measures(experiment))
         refuse_unknown_levels(self.study)
         return experiment
@@ -135,7 +140,7 @@ class OpenedStudy:
             DataError: its study no longer has one of them, or refuses its value.
         """
         try:
-            experiment = self.experiment(overrides_of(recording.manifest.plan))
+            experiment = self.experiment(overrides_of(recording.manifest.plan), is_recorded=True)
             return experiment.of_session(recording.manifest.session)
         except ConfigError as error:
             raise DataError(
@@ -205,9 +210,7 @@ class OpenedStudy:
     def views_of(self, record: RecordedScene) -> Iterator[SceneFrame]:
         """Yield the views that a recorded frame may have shown, the likeliest first."""
         if self.study.procedure.views_of is not None:
-            plan = record.recording.manifest.plan
-            experiment = record.once("experiment", lambda: self.experiment(overrides_of(plan)))
-            yield from self.study.procedure.views_of(record, experiment)
+            yield from self.study.procedure.views_of(record, self._experiment_at(record))
             return
         bare = record.view
         figure = record.latest(FIGURE_ON)
@@ -233,6 +236,11 @@ class OpenedStudy:
             staged_scene.scene, agents=record.scene.agents, brightness_01=record.scene.brightness_01
         )
         yield replace(bare, scene=scene)
+
+    def _experiment_at(self, record: RecordedScene) -> StudyExperiment:
+        """Return the experiment of a recorded frame, made once for its recording."""
+        overrides = overrides_of(record.recording.manifest.plan)
+        return record.once("experiment", lambda: self.experiment(overrides, is_recorded=True))
 
     def _staged_again(self, payload: Mapping[str, Any]) -> StagedScene:
         """Return a scene as an event "shown" describes it."""
@@ -268,9 +276,7 @@ class OpenedStudy:
 
     def _moulded(self, record: RecordedScene, description: Mapping[str, Any]) -> SceneFrame:
         """Return a figure that was moulded as it stood in a frame."""
-        plan = record.recording.manifest.plan
-        experiment = record.once("experiment", lambda: self.experiment(overrides_of(plan)))
-        trial = record.trial()
+        experiment, trial = self._experiment_at(record), record.trial()
         lives = record.once(("lives", trial.trial_id), lambda: experiment.lives_of(trial))
         sliders = {r.name: r for r in experiment.responses.values() if isinstance(r, Slider)}
         changes = [
@@ -391,7 +397,7 @@ class OpenedStudy:
         """
         settings = settings or {}
         self.check_settings(settings)
-        experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
+        experiment = self.experiment(overrides_of(sessions[0].manifest.plan), is_recorded=True)
         rows = pd.concat([s.rows for s in sessions], ignore_index=True)
         facts_of = self.study.analysis.facts_of
         self._refuse_absent(experiment, rows, None if facts_of is None else facts_of(rows))
@@ -562,7 +568,7 @@ class OpenedStudy:
             commands,
             folder,
         )
-        experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
+        experiment = self.experiment(overrides_of(sessions[0].manifest.plan), is_recorded=True)
         questionnaires = self.original_questionnaires(self.study.asks.questionnaires)
         facts = {**sessions[0].facts, **self.study.report.setup}
         return write_study(

@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
-from visavis.lab.yaml_lines import read_document
+from visavis.stimuli.area_paths import names_of_areas
 from visavis.stimuli.own_room import Room
 from visavis.study.experiment import StudyExperiment
 
@@ -16,14 +16,19 @@ FILES_KEY: Final = "files"
 
 
 def stimulus_files(experiment: StudyExperiment) -> dict[str, dict[str, str]]:
-    """Return the entry of a session's configuration with the SHA-256 of every picture, film and
-    sound that a study shows, and of their areas, by its name in the study; nothing without any.
+    """Return the entry of a session's configuration with the SHA-256 of every picture, film,
+    sound and voice that a study shows or plays, and of their areas, by its name in the study;
+    nothing without any.
     """
     folder, names = experiment.settings.folder, set[str]()
-    for one in (*experiment.flats, *experiment.panoramas, *experiment.audibles):
+    stimuli = (*experiment.flats, *experiment.panoramas, *experiment.audibles)
+    for one in (*stimuli, *experiment.voices):
         names.add(getattr(one, "file", ""))
         if areas := getattr(one, "areas", ""):
-            names.update(_names_of_areas(folder, areas))
+            names.update(names_of_areas(folder, areas))
+    for path in (s for t in experiment.read.values() for s in t.sounds if isinstance(s, Path)):
+        is_beside = path.is_relative_to(folder)
+        names.add((path.relative_to(folder) if is_beside else path).as_posix())
     paths = {name: folder / name for name in sorted(names)}
     digests = {name: _sha256(path) for name, path in paths.items() if path.is_file()}
     return {FILES_KEY: digests} if digests else {}
@@ -39,6 +44,12 @@ def changed_files(configuration: Mapping[str, Any], folder: Path) -> frozenset[s
         for name, digest in digests.items()
         if (folder / name).is_file() and _sha256(folder / name) != digest
     )
+
+
+def files_gone(configuration: Mapping[str, Any], folder: Path) -> frozenset[str]:
+    """Return which files of a session with this configuration are no longer in a folder."""
+    names = configuration.get(FILES_KEY, {})
+    return frozenset(name for name in names if not (folder / name).is_file())
 
 
 def differing_files(configurations: Iterable[Mapping[str, Any]]) -> list[str]:
@@ -93,23 +104,13 @@ def _files(experiment: StudyExperiment) -> Iterator[Path]:
     for picture in (*experiment.flats, *experiment.panoramas):
         yield from _paths_in(folder, vars(picture).values())
         if areas := getattr(picture, "areas", ""):
-            yield from (folder / name for name in _names_of_areas(folder, areas))
+            yield from (folder / name for name in names_of_areas(folder, areas))
     for sound in (sound for trial in reads for sound in trial.sounds):
         yield from _paths_in(folder, [sound, getattr(sound, "file", None)])
     yield from (folder / voice.file for voice in experiment.voices)
     for scene in scenes:
         options = scene.options.values()
         yield from _paths_in(folder, [o.file if isinstance(o, Room) else o for o in options])
-
-
-def _names_of_areas(folder: Path, name: str) -> Iterator[str]:
-    """Yield the name of a file of areas, and those of the painted masks that it names."""
-    yield name
-    path = folder / name
-    if path.suffix.lower() in (".yaml", ".yml") and path.is_file():
-        for area in dict(read_document(path).data or {}).values():
-            if isinstance(area, Mapping) and "mask" in area:
-                yield (Path(name).parent / str(area["mask"])).as_posix()
 
 
 def _paths_in(folder: Path, values: Any) -> Iterator[Path]:

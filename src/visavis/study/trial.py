@@ -30,6 +30,7 @@ from visavis.protocol.plan.steps import (
     Show,
     Step,
 )
+from visavis.stimuli.area_paths import with_areas_there
 from visavis.stimuli.audible import Sound
 from visavis.stimuli.film_file import facts_of
 from visavis.stimuli.flat import (
@@ -249,7 +250,11 @@ class TrialScript(HeardTrial):
         keys = awaited_keys(until, limit_s)
         parts = parts_of(what)
         sounds, names, panorama = parts.sounds, parts.names, parts.panorama
-        flats = tuple(self._with_seed(flat) for flat in parts.flats)
+        flats = tuple(map(self._with_seed, parts.flats))
+        folder, areas_gone = self.settings.folder, self.settings.areas_gone
+        if areas_gone is not None:
+            flats = tuple(with_areas_there(flat, folder, areas_gone) for flat in flats)
+            panorama = panorama and with_areas_there(panorama, folder, areas_gone)
         is_flat = not parts.is_empty
         window = window_of(reveal, window_deg, edge_deg, blur_deg)
         if window is not None and not flats and panorama is None:
@@ -266,7 +271,7 @@ class TrialScript(HeardTrial):
             options |= {GAZE_WINDOW: window} if follows_gaze else {}
             scene = Scene(FLAT, items=flats, **options)
             if (sounds or own) and seconds is None and frames is None and until is None:
-                lengths_s = [facts_of(film, self.settings.folder).seconds for film in own]
+                lengths_s = [facts_of(film, folder).seconds for film in own]
                 seconds = max([*lengths_s, *map(self.settings.seconds_of, sounds)])
         elif isinstance(what, Scene | Room):
             scene = what if isinstance(what, Scene) else Scene(ROOM, room=what)

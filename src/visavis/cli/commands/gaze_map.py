@@ -11,7 +11,7 @@ from visavis.cli.notifier import NOTIFIER
 from visavis.cli.personal_copies import protect_and_register
 from visavis.cli.studies import folder_of
 from visavis.running.scripts import open_study
-from visavis.running.sessions.study_folder import DERIVED_FOLDER
+from visavis.running.sessions.study_folder import DERIVED_FOLDER, words_on_files
 
 
 @app.command("gaze-map")
@@ -43,6 +43,8 @@ def gaze_map(
 
     where = folder_of(folder, config, "gaze-map")
     data = open_study(where, accept_damage=accept_damage)
+    if words := words_on_files(data.study, [session.recording for session in data]):
+        say(f"[yellow]{verbatim(words)}[/]")
     with NOTIFIER.progress("gaze on the scene, trials") as on_trial:
         maps = gaze_maps(data, by, peek=peek, on_trial=on_trial, during=during)
     is_simulated = any(session.is_simulated for session in data)

@@ -15,6 +15,7 @@ from visavis.cli.app import (
     new_file,
     say,
     say_written,
+    verbatim,
 )
 from visavis.cli.personal_copies import protect_and_register, require_whole
 from visavis.cli.preview.pictures import SIMULATED, check_picture_name, write_below
@@ -22,6 +23,7 @@ from visavis.cli.redraw import redraw as draw_again
 from visavis.cli.redraw import was_drawn
 from visavis.cli.studies import session_of
 from visavis.recording.cached import CachedRecording
+from visavis.running.sessions.study_folder import study_of_session
 from visavis.study.cast import use_recorded_cast
 
 
@@ -50,7 +52,10 @@ def redraw(
     require_whole(session_path, accept=accept_damage)
     recording = CachedRecording(session_path)
     use_recorded_cast(recording)
-    images = draw_again(recording, frame, part=part)
+    study, change_note = study_of_session(recording)
+    if change_note:
+        say(f"[yellow]{verbatim(change_note)}[/]")
+    images = draw_again(study, recording, frame, part=part)
     both = np.concatenate(images, axis=1)
     if recording.is_simulated:
         write_below(both, f"{SIMULATED}  ·  frame {frame}").save(png)

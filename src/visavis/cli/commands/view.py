@@ -265,7 +265,7 @@ def _write_together(
 ) -> list[Path]:
     """Write a page with one trial of several sessions; return its files."""
     recordings = [CachedRecording(session) for session in sessions]
-    study, change_note = study_of_session(recordings[0])
+    study, change_note = study_of_session(*recordings)
     if change_note:
         console.print(f"[yellow]{verbatim(change_note)}[/]", soft_wrap=True)
     with Progress(console=console, transient=True) as bar:

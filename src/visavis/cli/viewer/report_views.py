@@ -9,8 +9,9 @@ from visavis.cli.viewer.content import page_content, trial_lengths_ns
 from visavis.cli.viewer.page import page_of
 from visavis.recording.cached import CachedRecording
 from visavis.recording.durable import make_folder, replace_file
+from visavis.recording.reader import Recording
 from visavis.results.unusual import VIEWS, view_name
-from visavis.running.sessions.study_folder import study_of_folder
+from visavis.running.sessions.study_folder import study_of_folder, study_of_session, words_on_files
 from visavis.study.cast import use_recorded_cast
 from visavis.study.sections import TrialToSee
 
@@ -22,6 +23,9 @@ def write_views(folder: Path, out_dir: Path, striking: Sequence[TrialToSee]) -> 
     """
     of_session = groupby(sorted(striking, key=_session), key=_session)
     trials_by_session = {key: tuple(one.trial_id for one in trials) for key, trials in of_session}
+    sessions = [Recording(folder / f"sub-{who}" / session) for who, session in trials_by_session]
+    if sessions and (words := words_on_files(study_of_session(sessions[0])[0], sessions)):
+        NOTIFIER.warn(words)
     with NOTIFIER.progress("making pages of trials") as on_progress:
         for number, ((participant, session), names) in enumerate(trials_by_session.items()):
             on_progress(number, len(trials_by_session))

@@ -59,6 +59,7 @@ from visavis.study.comparisons import trials_of
 from visavis.study.experiment import StudyExperiment
 from visavis.study.look_measures import LooksOn
 from visavis.study.measures import aggregate_cells
+from visavis.study.parameters import parameters_in_force
 from visavis.study.texts import Texts, label_in_unit, label_of
 
 REPORT_NAME: Final = "report.html"
@@ -671,7 +672,7 @@ def _methods(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
 
 
 def _usual(experiment: StudyExperiment) -> dict[str, object]:
-    usual = StudyExperiment(experiment.study, {"language": experiment.language}).parameters
+    usual = parameters_in_force(experiment.study, {})
     return {k: v for k, v in usual.items() if k in experiment.parameters}
 
 

@@ -120,7 +120,7 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
     If a restart of the server interrupted it, only the steps after the restart are returned.
     """
     plan = recording.manifest.plan
-    experiment: StudyExperiment = study.experiment(overrides_of(plan))
+    experiment: StudyExperiment = study.experiment(overrides_of(plan), is_recorded=True)
     trial_content = next(
         t for block in plan["blocks"] for t in block["trials"] if t["trial_id"] == row["trial_id"]
     )

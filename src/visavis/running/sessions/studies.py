@@ -378,7 +378,11 @@ def _with_recorded_design(
         DataError: it has a factor now that none of its sessions had.
     """
     settings = read_settings(folder)
-    now = opened_study.experiment({} if settings is None else settings.parameters)
+    parameters = {} if settings is None else settings.parameters
+    now = opened_study.experiment(parameters, is_recorded=True)
+    if now.areas_gone:
+        gone = ", ".join(sorted(now.areas_gone))
+        notifier.warn(f"{gone} is gone: areas of interest are those of the recordings")
     changes, mixture_warning = compare_designs(manifests, now)
     require_recorded_factors(folder, manifests, now)
     if changes:
@@ -415,7 +419,7 @@ def _review(
     peeks: Sequence[Peek],
 ) -> tuple[OpenedStudy, PlanReview]:
     """Compare a study with its locked plan; what the plan does not name becomes exploratory."""
-    experiment = opened_study.experiment(overrides_of(manifests[0].plan))
+    experiment = opened_study.experiment(overrides_of(manifests[0].plan), is_recorded=True)
     content = content_now(opened_study, experiment, manifests[0].seed, settings)
     review = review_of(locked, content, manifests, peeks)
     compare = as_locked(opened_study.study.analysis.compare, locked.plan)
@@ -442,7 +446,7 @@ def _measure_sessions(
         MeasuringTask(reference, session, settings, report)
         for session, report in zip(sessions, reports, strict=True)
     ]
-    kernels = kernels_of(study.experiment({}), MEASURING)
+    kernels = kernels_of(study.experiment({}, is_recorded=True), MEASURING)
     work = _Work(measure_one, jobs, kernels, "measuring")
     return _do(work, processes, scheduler, notifier)
 

@@ -1,7 +1,7 @@
 """The folder of a study: its settings, its sessions, and what analysis derives from it."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -17,7 +17,7 @@ from visavis.recording.sealed import copy_path, read_sealed, write_sealed
 from visavis.recording.typed_names import typed_study
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.study.catalogue import digest_of
-from visavis.study.files_read import changed_files
+from visavis.study.files_read import changed_files, files_gone
 from visavis.study.texts import DEFAULT_LANGUAGE
 
 SETTINGS_NAME = "study.json"
@@ -321,22 +321,43 @@ def study_of_folder(folder: Path, name: str) -> tuple[OpenedStudy, str]:
     return find_study(source), warning if has_changed else ""
 
 
-def study_of_session(recording: Recording) -> tuple[OpenedStudy, str]:
-    """Return the study whose session a recording is, and a warning where its file has changed, or
-    what the session showed is another file now.
+def study_of_session(*recordings: Recording) -> tuple[OpenedStudy, str]:
+    """Return the study whose session a recording is, or several are, and a warning where its file
+    has changed, or what a session showed is another file now.
 
     Raises:
         UsageError: its file is not where it was, with what to do.
     """
-    manifest = recording.manifest
-    study, warning = study_of_folder(recording.path.resolve().parent.parent, manifest.study)
-    names = sorted(changed_files(manifest.configuration, study.study.files.trial_folder))
-    if not names:
-        return study, warning
-    others = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
-    are = "are other files" if len(names) > 1 else "is another file"
-    about_files = (
-        f"{', '.join(names[:MAX_NAMES])}{others} {are} now than when {recording.path} was "
-        "recorded; put them back to see what was shown"
+    first = recordings[0]
+    study, warning = study_of_folder(first.path.resolve().parent.parent, first.manifest.study)
+    return study, "\n".join(filter(None, (warning, words_on_files(study, recordings))))
+
+
+def words_on_files(study: OpenedStudy, recordings: Sequence[Recording]) -> str:
+    """Return which files of stimuli are other ones now than when sessions of a study were recorded,
+    or gone; "" where none is.
+    """
+    folder = study.study.files.trial_folder
+
+    def words(of: Callable[[Mapping[str, Any], Path], frozenset[str]], one: str, many: str) -> str:
+        names_by_session = {r.path: of(r.manifest.configuration, folder) for r in recordings}
+        names = sorted(frozenset().union(*names_by_session.values()))
+        paths = [str(path) for path, own in names_by_session.items() if own]
+        what = one if len(names) == 1 else many
+        were = "was" if len(paths) == 1 else "were"
+        return f"{_first_of(names)} {what} {_first_of(paths)} {were} recorded" if names else ""
+
+    others = words(changed_files, "is another file now than when", "are other files now than when")
+    gone = words(files_gone, "is gone since", "are gone since")
+    return "\n".join(
+        (
+            *([f"{others}; put them back to see what was shown"] if others else []),
+            *([f"{gone}; areas of interest are those of the recording"] if gone else []),
+        )
     )
-    return study, "\n".join(filter(None, (warning, about_files)))
+
+
+def _first_of(names: Sequence[str]) -> str:
+    """Return names in a sentence, the first ones of many."""
+    others = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return f"{', '.join(names[:MAX_NAMES])}{others}"

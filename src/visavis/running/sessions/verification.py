@@ -128,7 +128,7 @@ def _require_same_plan(recording: Recording, study: OpenedStudy) -> None:
     manifest = recording.manifest
     plan: Mapping[str, Any] = manifest.plan
     new_plan = as_json(
-        study.experiment(overrides_of(plan))
+        study.experiment(overrides_of(plan), is_recorded=True)
         .of_session(manifest.session)
         .plan(int(plan["participant_index"]), manifest.seed, str(plan.get("group") or ""))
     )

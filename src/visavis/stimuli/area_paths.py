@@ -1,0 +1,33 @@
+"""The files that areas of interest are read from: their names, and whether they are there."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+from visavis.lab.yaml_lines import read_document
+from visavis.stimuli.flat import Flat, Image, Panorama, Video
+
+Stimulus = TypeVar("Stimulus", bound=Flat | Panorama)
+
+
+def names_of_areas(folder: Path, name: str) -> Iterator[str]:
+    """Yield the name of a file of areas, and those of the painted masks that it names."""
+    yield name
+    path = folder / name
+    if path.suffix.lower() in (".yaml", ".yml") and path.is_file():
+        for area in dict(read_document(path).data or {}).values():
+            if isinstance(area, Mapping) and "mask" in area:
+                yield (Path(name).parent / str(area["mask"])).as_posix()
+
+
+def with_areas_there(stimulus: Stimulus, folder: Path, gone: set[str]) -> Stimulus:
+    """Return a stimulus, without areas of interest where one of their files is not in the folder:
+    its name is then added to those that are `gone`.
+    """
+    if not isinstance(stimulus, Image | Video | Panorama) or not stimulus.areas:
+        return stimulus
+    names = names_of_areas(folder, stimulus.areas)
+    absent = [name for name in names if not (folder / name).is_file()]
+    gone.update(absent)
+    return replace(stimulus, areas="") if absent else stimulus

@@ -1,0 +1,180 @@
+"""Files of stimuli that are other ones now, or gone, than when a session was recorded."""
+
+import wave
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image as Picture
+from typer.testing import CliRunner
+
+from tests.cli.test_view import header_of
+from tests.faults.sessions import CONFIG
+from visavis.cli.main import app
+from visavis.lab.errors import DesignError
+from visavis.recording.manifest import read_manifest
+from visavis.results.opened_study import find_study
+
+HERE = """
+from visavis import Factor, Image, Study, looks_at
+
+study = Study("here", factors=[Factor("side", ["left"])], repetitions=1, calibrate=False,
+              measures=[*looks_at("door")])
+
+
+@study.trial
+def trial(t):
+    yield t.play("voice.wav", wait="no")
+    yield t.show(Image("a.png", 12, areas="a.yaml"), 0.5)
+"""
+PAGED = """
+from visavis import Factor, Image, Keys, Study, pointer_at
+
+study = Study("paged", factors=[Factor("side", ["left"])], on="browser", uses=(),
+              calibrate=False, measures=[*pointer_at("door")])
+
+
+@study.trial
+def trial(t):
+    yield t.show(Image("a.png", 12, areas="a.yaml"), until=Keys("f", "j"), limit_s=2,
+                 reveal="pointer", window_deg=3)
+"""
+AREAS = "door: {rectangle: [20, 60, 120, 230]}\nlamp: {ellipse: [300, 100, 80, 60]}\n"
+PICTURE_CHANGED = "a.png is another file now than when"
+AREAS_GONE = "a.yaml is gone"
+
+
+def visavis(*arguments: str) -> str:
+    result = CliRunner().invoke(app, [*arguments, "--config", str(CONFIG)])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    assert 0 == result.exit_code, result.output
+    return " ".join(result.output.split())
+
+
+def draw(folder: Path, colour: str) -> None:
+    Picture.new("RGB", (400, 300), colour).save(folder / "a.png")
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with two studies, and sessions of them: the second person of the first study
+    saw another picture.
+    """
+    folder = tmp_path_factory.mktemp("stimuli")
+    (folder / "here.py").write_text(HERE, "utf-8")
+    (folder / "paged.py").write_text(PAGED, "utf-8")
+    (folder / "a.yaml").write_text(AREAS, "utf-8")
+    with wave.open(str(folder / "voice.wav"), "wb") as voice:
+        voice.setparams((1, 2, 48_000, 0, "NONE", ""))
+        voice.writeframes(np.full(4800, 1000, "<i2").tobytes())
+    for study, people, colour in (("here", 1, "red"), ("here", 2, "blue"), ("paged", 1, "blue")):
+        draw(folder, colour)
+        simulate = ("simulate", f"{folder / study}.py", "--processes", "1")
+        visavis(*simulate, "--participants", str(people), "--output", str(folder / "out"))
+    return folder
+
+
+@pytest.fixture
+def folder(root: Path) -> Iterator[Path]:
+    """Return that folder, with the files that the last session had."""
+    yield root
+    (root / "a.yaml").write_text(AREAS, "utf-8")
+    draw(root, "blue")
+
+
+def session_of(folder: Path, study: str, number: int = 0) -> Path:
+    return sorted((folder / "out" / "simulated" / study).glob("sub-*/ses-001"))[number]
+
+
+@pytest.mark.slow
+def test_the_voices_that_a_trial_plays_are_among_the_files_that_a_session_keeps(
+    folder: Path,
+) -> None:
+    files = read_manifest(session_of(folder, "here")).configuration["files"]
+    assert ["a.png", "a.yaml", "voice.wav"] == [*files]
+
+
+@pytest.mark.slow
+def test_a_frame_that_is_drawn_again_says_which_picture_is_another_one_now(
+    folder: Path, tmp_path: Path
+) -> None:
+    for number, is_other in ((0, True), (1, False)):
+        png = tmp_path / f"{number}.png"
+        session = session_of(folder, "here", number)
+        output = visavis("redraw", str(session), "--frame", "60", "--png", str(png))
+        assert is_other == (PICTURE_CHANGED in output)
+
+
+@pytest.mark.slow
+def test_a_page_of_several_sessions_says_whose_picture_is_another_one_now(
+    folder: Path, tmp_path: Path
+) -> None:
+    sessions = [session_of(folder, "here", number) for number in (0, 1)]
+    for colour, others in (("red", sessions[1:]), ("blue", sessions[:1]), ("green", sessions)):
+        draw(folder, colour)
+        view = ("view", str(folder / "out/simulated/here"), "--participants", "all")
+        output = visavis(*view, "--trial", "T01", "-o", str(tmp_path / f"{colour}.html"))
+        assert f"{PICTURE_CHANGED} {', '.join(map(str, others))} w" in output
+
+
+@pytest.mark.slow
+def test_maps_of_gaze_say_which_picture_under_them_is_another_one_now(
+    folder: Path, tmp_path: Path
+) -> None:
+    study = str(folder / "out/simulated/here")
+    draw(folder, "green")
+    output = visavis("gaze-map", study, "--by", "side", "-o", str(tmp_path))
+    assert PICTURE_CHANGED in output
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("study", ["here", "paged"])
+def test_sessions_whose_areas_are_gone_from_beside_the_study_are_measured_by_their_own(
+    folder: Path, tmp_path: Path, study: str
+) -> None:
+    sessions, tables = str(folder / "out/simulated" / study), []
+    for name in ("there", "gone"):
+        if name == "gone":
+            (folder / "a.yaml").unlink()
+        output = visavis("analyse", sessions, "--processes", "1", "--output", str(tmp_path / name))
+        assert (name == "gone") == (AREAS_GONE in output)
+        tables.append(pd.read_csv(tmp_path / name / "trials.csv"))
+    pd.testing.assert_frame_equal(*tables)
+    measures = [name for name in tables[0] if name.startswith("door_")]
+    assert measures
+    assert tables[0][measures].notna().any(axis=None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("study", ["here", "paged"])
+def test_a_page_of_a_session_whose_areas_are_gone_has_them_from_the_recording(
+    folder: Path, tmp_path: Path, study: str
+) -> None:
+    (folder / "a.yaml").unlink()
+    page = tmp_path / "page.html"
+    output = visavis("view", str(session_of(folder, study, -1)), "-o", str(page))
+    assert AREAS_GONE in output
+    (flat,) = (scene["flat"] for scene in header_of(page)["scenes"] if "flat" in scene)
+    assert ["door", "lamp"] == [area["name"] for area in flat["areas"]]
+
+
+def test_a_session_is_not_performed_without_a_file_of_areas(tmp_path: Path) -> None:
+    draw(tmp_path, "red")
+    (tmp_path / "here.py").write_text(HERE, "utf-8")
+    study = find_study(str(tmp_path / "here.py"))
+    with pytest.raises(DesignError, match="no file of areas"):
+        study.experiment_to_run({})
+
+
+def test_an_area_that_no_file_has_is_refused_by_name_also_in_recorded_sessions(
+    tmp_path: Path,
+) -> None:
+    draw(tmp_path, "red")
+    (tmp_path / "a.yaml").write_text(AREAS, "utf-8")
+    (tmp_path / "here.py").write_text(HERE.replace('"door"', '"dor"'), "utf-8")
+    study = find_study(str(tmp_path / "here.py"))
+    with pytest.raises(DesignError, match="no area or role 'dor'"):
+        study.experiment({}, is_recorded=True)
