@@ -6,7 +6,7 @@ the head for the light that it promised, and oldest where it handed out a head a
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -42,13 +42,6 @@ class PoseAge:
     at_most_ms: float
     look_ahead_ms: float
     picture_delay_ms: float
-
-    def as_record(self) -> dict[str, float | int | None]:
-        """Return plain values; what is not known is None."""
-        return {
-            name: None if isinstance(v, float) and np.isnan(v) else v
-            for name, v in asdict(self).items()
-        }
 
 
 def pose_age(
@@ -100,13 +93,6 @@ class RuntimePace:
                 "head: their light is that of an earlier mark"
             )
         return tuple(wrong)
-
-    def as_record(self) -> dict[str, Any]:
-        """Return plain values; what is not known is None."""
-        record = asdict(self) | {"warnings": list(self.sentences)}
-        if np.isnan(self.reprojected_01):
-            record["reprojected_01"] = None
-        return record
 
 
 def runtime_pace(

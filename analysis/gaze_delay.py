@@ -8,7 +8,7 @@ comes sooner was begun in anticipation and is left out.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -48,13 +48,6 @@ class GazeDelayBound:
     def is_known(self) -> bool:
         """Tell whether enough saccades were seen."""
         return self.answer_count >= MIN_ANSWERED
-
-    def as_record(self) -> dict[str, str | int | float | None]:
-        """Return plain values; what is not known is None."""
-        return {
-            name: None if isinstance(v, float) and np.isnan(v) else v
-            for name, v in asdict(self).items()
-        }
 
 
 def saccade_latencies_ms(

@@ -6,8 +6,8 @@ analysis takes off, or adds, to compare streams.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -56,14 +56,6 @@ class Delays:
     def is_sound(self) -> bool:
         """Tell whether enough was answered to take the median for an offset."""
         return self.answered >= max(MIN_FOUND, 0.8 * self.asked)
-
-    def as_record(self) -> dict[str, Any]:
-        """Return plain values; what is missing is None."""
-        record = asdict(self) | {"delays_ms": list(self.delays_ms)}
-        return {
-            name: None if isinstance(value, float) and np.isnan(value) else value
-            for name, value in record.items()
-        }
 
 
 def onset_ns(

@@ -9,6 +9,7 @@ from visavis.analysis.frame_times import account_of, pose_age, runtime_pace
 from visavis.devices.contracts import FRAME_TIMING
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.schema import SampleBatch
+from visavis.recording.journal import as_json
 
 FRAME_NS = NS_PER_S // 90
 
@@ -33,8 +34,8 @@ def test_an_unmeasured_light_is_not_in_the_age_and_is_not_zero_in_the_record():
     light = handed + 22 * NS_PER_MS
     age = pose_age(light, handed, light)
     assert (age.at_least_ms, age.at_most_ms) == pytest.approx((0.0, 22.0))
-    assert age.as_record()["picture_delay_ms"] is None
-    assert pose_age(light[:0], handed[:0], light[:0]).as_record()["at_most_ms"] is None
+    assert as_json(age)["picture_delay_ms"] is None
+    assert as_json(pose_age(light[:0], handed[:0], light[:0]))["at_most_ms"] is None
 
 
 def test_a_halved_rate_is_told_and_dropped_frames_are_not_one():

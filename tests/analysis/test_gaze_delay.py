@@ -6,6 +6,7 @@ import pytest
 from visavis.analysis.gaze_delay import gaze_delay_bound, saccade_latencies_ms
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.geometry import direction_from_yaw_pitch_deg
+from visavis.recording.journal import as_json
 
 SAMPLE_NS = NS_PER_S // 250
 LIGHT_NS = NS_PER_S * np.arange(1, 41)
@@ -27,29 +28,29 @@ def looking(latency_ms, delay_ms=0.0, *, noise_deg=0.05, lost=()):
 @pytest.mark.parametrize("delay_ms", [0.0, 12.0, 45.0])
 def test_the_bound_holds_for_any_delay_and_is_no_more_than_an_eyes_own_latency_beyond(delay_ms):
     latency_ms = 100 + np.random.default_rng(1).exponential(40, LIGHT_NS.size)
-    found = saccade_latencies_ms(*looking(latency_ms, delay_ms), LIGHT_NS.tolist())
-    bound = gaze_delay_bound("eyes", found)
+    latencies_ms = saccade_latencies_ms(*looking(latency_ms, delay_ms), LIGHT_NS.tolist())
+    bound = gaze_delay_bound("eyes", latencies_ms)
 
     assert bound.answer_count == LIGHT_NS.size
     assert delay_ms <= bound.at_most_ms <= delay_ms + 35
 
 
 def test_an_artificial_eye_that_moves_with_the_light_gives_the_delay_itself():
-    found = saccade_latencies_ms(*looking(0.0, 12.0), LIGHT_NS.tolist())
-    bound = gaze_delay_bound("eyes", found, min_latency_ms=0.0)
+    latencies_ms = saccade_latencies_ms(*looking(0.0, 12.0), LIGHT_NS.tolist())
+    bound = gaze_delay_bound("eyes", latencies_ms, min_latency_ms=0.0)
     assert bound.at_most_ms == pytest.approx(12.0, abs=SAMPLE_NS / NS_PER_MS)
 
 
 def test_saccades_begun_before_the_light_could_be_seen_are_left_out():
     latency_ms = np.where(np.arange(LIGHT_NS.size) % 4 == 0, 30.0, 150.0)
-    found = saccade_latencies_ms(*looking(latency_ms), LIGHT_NS.tolist())
-    bound = gaze_delay_bound("eyes", found)
+    latencies_ms = saccade_latencies_ms(*looking(latency_ms), LIGHT_NS.tolist())
+    bound = gaze_delay_bound("eyes", latencies_ms)
     assert bound.answer_count == 30
     assert bound.at_most_ms == pytest.approx(70.0, abs=SAMPLE_NS / NS_PER_MS)
 
 
 def test_a_tracker_that_saw_nothing_has_no_bound_and_no_zero():
-    found = saccade_latencies_ms(*looking(150.0, lost=range(35)), LIGHT_NS.tolist())
-    bound = gaze_delay_bound("eyes", found)
+    latencies_ms = saccade_latencies_ms(*looking(150.0, lost=range(35)), LIGHT_NS.tolist())
+    bound = gaze_delay_bound("eyes", latencies_ms)
     assert not bound.is_known
-    assert bound.as_record()["at_most_ms"] is None
+    assert as_json(bound)["at_most_ms"] is None

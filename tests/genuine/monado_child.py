@@ -32,6 +32,7 @@ from visavis.lab.errors import DeviceError
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import quat_from_yaw_pitch_deg
 from visavis.protocol.session.operator import Action, Command, UnattendedOperator
+from visavis.recording.journal import as_json
 from visavis.recording.reader import Recording
 from visavis.running.sessions.perform import perform_new
 from visavis.stage.window import Window
@@ -115,7 +116,7 @@ def poses(*, shows: bool, over_openvr: bool = False) -> dict[str, Any]:
         "period_ms": float(np.median(np.diff([f.t_ns for f in frames])) / 1e6),
         "ahead_ms": float(np.median([f.predicted_display_ns - f.t_ns for f in frames]) / 1e6),
     }
-    result["pose_age"] = age_of(run, frames).as_record()
+    result["pose_age"] = as_json(age_of(run, frames))
     run.close()
     remote.close()
     return result

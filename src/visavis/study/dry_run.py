@@ -33,8 +33,8 @@ from visavis.study.asking import Answer
 from visavis.study.background import BackgroundExecutor
 from visavis.study.distances import agent_of
 from visavis.study.films import LiveFilm, Stimulus
-from visavis.study.gaze_on import gaze_columns
-from visavis.study.gaze_window import window_columns
+from visavis.study.gaze_on import ENDINGS as GAZE_ENDINGS
+from visavis.study.gaze_window import ENDINGS as WINDOW_ENDINGS
 from visavis.study.lit_trial import SCENE_STREAM
 from visavis.study.live import Live, LiveScene, Moulded
 from visavis.study.quest_plus import QuestPlus
@@ -205,11 +205,11 @@ def read_trial(
                     has_panorama = has_panorama or "panorama" in step.scene.options
                     if GAZE_WINDOW in step.scene.options:
                         rests_on |= {"gaze", GAZE_WINDOW}
-                        scene_columns += [column.name for column in window_columns(prefix)]
+                        scene_columns += [f"{prefix}{ending}" for ending, _, _ in WINDOW_ENDINGS]
                     has_room = has_room or staged_scene.scene.room is not None
                     if step.gaze_on is not None:
                         step.gaze_on.watch(staged_scene)
-                        scene_columns += [column.name for column in gaze_columns(prefix)]
+                        scene_columns += [f"{prefix}{ending}" for ending, _, _ in GAZE_ENDINGS]
                     reply = ShownScene(
                         0, round(step.seconds * NS_PER_S), staged_scene.roles, script.view
                     )

@@ -11,7 +11,6 @@ from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG, LOST, aoi_of_samples
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.yaml_lines import did_you_mean
-from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import FrameView, GazeView, Scalar
 from visavis.stimuli.areas import Areas, areas_under
 from visavis.study.gaze_window import BRIDGE_NS
@@ -194,10 +193,3 @@ class GazeWatch:
         if self.met_ns is None:
             return {begin: None, delay: None}
         return {begin: self._since_ns, delay: (off_ns - self.met_ns) / NS_PER_MS}
-
-
-def gaze_columns(name: str) -> tuple[Column, ...]:
-    """Return the columns that a step adds which waits for gaze."""
-    return tuple(
-        Column(f"{name}{ending}", unit, words.format(name)) for ending, unit, words in ENDINGS
-    )

@@ -6,7 +6,6 @@ import numpy as np
 
 from visavis.analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS
 from visavis.lab.clock import NS_PER_MS
-from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import FrameView, Scalar
 from visavis.stimuli.gaze_window import NO_WINDOW, WindowPlace
 
@@ -65,10 +64,3 @@ class WindowCourse:
         median, p95 = np.percentile(delays_ms, (50, 95)).tolist() if delays_ms else (None, None)
         values = (median, p95, self._lost_frames)
         return {f"{name}{ending}": v for (ending, _, _), v in zip(ENDINGS, values, strict=True)}
-
-
-def window_columns(name: str) -> tuple[Column, ...]:
-    """Return the columns that a window adds which follows gaze."""
-    return tuple(
-        Column(f"{name}{ending}", unit, words.format(name)) for ending, unit, words in ENDINGS
-    )

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,6 +28,7 @@ from visavis.devices.sim.sync_room import PlantedDelay
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import UsageError
+from visavis.recording.journal import as_json as json_of
 
 SIMULATED_PICTURE, SIMULATED_SOUND = (9.0, 1.0), (22.0, 3.0)
 SIMULATED_GAZE_DELAY_MS = 12.0
@@ -105,7 +107,7 @@ def sync_test(
     least_ms = 0.0 if artificial_eye else MIN_LATENCY_MS
     bound = gaze_bound_of(stimuli, delays, eyes, min_latency_ms=least_ms) if eyes else None
     # The record goes to one file: the doctor reads its age, and analyse its offsets.
-    record = {
+    content = {
         "made": clock.wall_iso(),
         "lab": lab.lab,
         "is_simulated": simulated,
@@ -115,11 +117,12 @@ def sync_test(
         "frames_dropped": stimuli.dropped_frames,
         "frame_ms": stimuli.frame_ns / 1e6,
         "offsets_ms": offsets_ms(delays),
-        "pose_age": age.as_record(),
-        "pace": pace.as_record(),
-        "gaze_delay": None if bound is None else bound.as_record(),
-        "delays": [one.as_record() for one in delays],
+        "pose_age": age,
+        "pace": asdict(pace) | {"warnings": pace.sentences},
+        "gaze_delay": bound,
+        "delays": delays,
     }
+    record: dict[str, Any] = json_of(content)
     path = _keep(lab, record, delays)
     if as_json:
         say_json(record | {"path": str(path)})
