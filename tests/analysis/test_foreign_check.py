@@ -42,9 +42,9 @@ OFFSETS = [(0.0, 0.0), (5.0, 0.0)]
 
 
 def test_a_sound_file_is_green(tmp_path: Path) -> None:
-    found = check_foreign(written(tmp_path / "a.xdf", ("gaze", REGULAR, OFFSETS)))
+    findings = check_foreign(written(tmp_path / "a.xdf", ("gaze", REGULAR, OFFSETS)))
     assert [("gaze", 1000, Level.GREEN, ())] == [
-        (v.name, v.samples, v.level, v.findings) for v in found
+        (v.name, v.samples, v.level, v.findings) for v in findings
     ]
 
 
@@ -61,9 +61,9 @@ def test_a_sound_file_is_green(tmp_path: Path) -> None:
 def test_a_fault_of_times_is_named(
     stamps: np.ndarray, level: Level, said: str, tmp_path: Path
 ) -> None:
-    (found,) = check_foreign(written(tmp_path / "a.xdf", ("gaze", stamps, OFFSETS)))
-    assert level is found.level
-    assert any(said in what for what, _ in found.findings)
+    (findings,) = check_foreign(written(tmp_path / "a.xdf", ("gaze", stamps, OFFSETS)))
+    assert level is findings.level
+    assert any(said in what for what, _ in findings.findings)
 
 
 def test_a_stream_without_offsets_and_one_beside_the_others_are_named(tmp_path: Path) -> None:
@@ -75,20 +75,20 @@ def test_a_stream_without_offsets_and_one_beside_the_others_are_named(tmp_path: 
         ("body", other_clock, ()),
         ("belt", other_clock, [(90_000.0, -90_000.0)]),
     )
-    found = check_foreign(path)
-    said = [what for what, _ in of(found, "body").findings]
+    findings = check_foreign(path)
+    said = [what for what, _ in of(findings, "body").findings]
     assert "no clock offset" in said
     assert any("does not overlap the others" in what for what in said)
-    assert Level.RED is of(found, "body").level
-    assert Level.GREEN is of(found, "belt").level
+    assert Level.RED is of(findings, "body").level
+    assert Level.GREEN is of(findings, "belt").level
 
 
 def test_a_cut_or_foreign_file_is_named(tmp_path: Path) -> None:
     path = written(tmp_path / "a.xdf", ("gaze", REGULAR, OFFSETS))
     whole = path.read_bytes()
     path.write_bytes(whole[:9000])
-    (found,) = check_foreign(path)
-    assert "cut at byte 9000" in found.findings[0][0]
+    (findings,) = check_foreign(path)
+    assert "cut at byte 9000" in findings.findings[0][0]
     path.write_bytes(whole[:20])
     with pytest.raises(DataError, match="cannot be read as XDF"):
         check_foreign(path)

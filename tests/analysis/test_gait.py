@@ -23,9 +23,9 @@ def test_standing_before_the_first_step_is_no_hesitation():
 
 
 def test_standing_in_mid_walk_is_one_hesitation_of_its_length():
-    found = walked((2, 0.0), (3, 0.5), (1.5, 0.0), (3, 0.5))
-    assert 1 == found.hesitations
-    assert found.hesitation_s == pytest.approx(1.5, abs=0.3)
+    measures = walked((2, 0.0), (3, 0.5), (1.5, 0.0), (3, 0.5))
+    assert 1 == measures.hesitations
+    assert measures.hesitation_s == pytest.approx(1.5, abs=0.3)
 
 
 def test_a_short_slowing_is_no_hesitation():
@@ -33,8 +33,8 @@ def test_a_short_slowing_is_no_hesitation():
 
 
 def test_somebody_who_never_walks_does_not_hesitate():
-    found = walked((5, 0.0))
-    assert (0, 0.0) == (found.hesitations, found.hesitation_s)
+    measures = walked((5, 0.0))
+    assert (0, 0.0) == (measures.hesitations, measures.hesitation_s)
 
 
 def test_a_way_lost_for_a_while_has_a_speed_and_no_length():
@@ -45,21 +45,21 @@ def test_a_way_lost_for_a_while_has_a_speed_and_no_length():
     place[200:205] = np.nan
     assert 0.005 * 993 == pytest.approx(walk_measures(t_ns, place, (0.0, 50.0), 0.1).path_m)
     place[200:300] = np.nan
-    found = walk_measures(t_ns, place, (0.0, 50.0), 0.1)
-    assert np.isnan(found.path_m)
-    assert 0.5 == pytest.approx(found.speed_m_s)
-    assert 1.01 == pytest.approx(found.lost_s)
+    measures = walk_measures(t_ns, place, (0.0, 50.0), 0.1)
+    assert np.isnan(measures.path_m)
+    assert 0.5 == pytest.approx(measures.speed_m_s)
+    assert 1.01 == pytest.approx(measures.lost_s)
 
 
 def test_the_stop_within_a_step_of_the_point_nearest_the_board_is_left_out():
     along = np.concatenate([np.arange(0, 5, 0.005), np.full(700, 5.0), np.arange(5, 0, -0.005)])
     place = np.stack([along, np.zeros_like(along)], axis=1)
     t_ns = np.arange(len(along)) * 10_000_000
-    found = walk_measures(t_ns, place, (5.5, 1.0), 0.74)
-    assert 0.5 == pytest.approx(found.speed_m_s)
-    assert 10 / 27 == pytest.approx(found.speed_whole_m_s, rel=1e-3)
-    assert 7 + 2 * 0.74 / 0.5 == pytest.approx(found.stop_s, abs=0.05)
-    assert 0 == found.hesitations
+    measures = walk_measures(t_ns, place, (5.5, 1.0), 0.74)
+    assert 0.5 == pytest.approx(measures.speed_m_s)
+    assert 10 / 27 == pytest.approx(measures.speed_whole_m_s, rel=1e-3)
+    assert 7 + 2 * 0.74 / 0.5 == pytest.approx(measures.stop_s, abs=0.05)
+    assert 0 == measures.hesitations
 
 
 def test_a_step_is_that_of_the_source_and_the_mean_for_others():
@@ -87,8 +87,8 @@ def test_poses_between_samples_lie_between_them_along_the_shorter_turn():
     grid = np.arange(0, 41, 10, dtype=np.int64) * 1_000_000
     at, turn = resample(t_ns, position, orientation, grid)
     np.testing.assert_allclose([0, 0.01, 0.02, 0.03, 0.04], at[:, 0, 0])
-    for angle, found in zip((170, 180, 190, 200, 210), turn[:, 0], strict=True):
-        assert 1 == pytest.approx(abs(np.dot(turned(angle), found)))
+    for angle, measures in zip((170, 180, 190, 200, 210), turn[:, 0], strict=True):
+        assert 1 == pytest.approx(abs(np.dot(turned(angle), measures)))
 
 
 def test_nothing_is_interpolated_across_a_long_gap_or_beyond_the_ends():

@@ -85,16 +85,16 @@ def test_lab_without_a_headset_is_not_ready_and_one_without_an_eye_tracker_is() 
     def absence(role: str) -> tuple[str, Finding]:
         rest = {name: d for name, d in lab.devices.items() if name != role}
         report = examine(lab.model_copy(update={"devices": rest}), SimClock())
-        (found,) = (f for f in report.findings if f.subject == role)
-        return found.level, found
+        (finding,) = (f for f in report.findings if f.subject == role)
+        return finding.level, finding
 
-    level, found = absence("headset")
+    level, finding = absence("headset")
     assert level == "missing"
-    assert "every study needs a headset, or a screen" in found.found
-    level, found = absence("eye_tracker")
+    assert "every study needs a headset, or a screen" in finding.found
+    level, finding = absence("eye_tracker")
     assert level == "note"
-    assert found.found == "not configured; only studies that measure gaze need it"
-    assert "add eye_tracker with its driver" in found.remedy
+    assert finding.found == "not configured; only studies that measure gaze need it"
+    assert "add eye_tracker with its driver" in finding.remedy
 
 
 def test_missing_runtime_is_told_once_and_its_devices_are_not_opened(
@@ -138,10 +138,10 @@ def test_a_data_root_that_cannot_be_made_is_no_full_disk(
 ) -> None:
     (tmp_path / "a_file").touch()
     config = load_lab(CONFIG, quiet=True).model_copy(update={"data_root": tmp_path / root})
-    found = one(computer(config, SimClock()), "disk")
-    assert "missing" == found.level
-    assert said in found.found
-    assert "data_root" in found.remedy
+    finding = one(computer(config, SimClock()), "disk")
+    assert "missing" == finding.level
+    assert said in finding.found
+    assert "data_root" in finding.remedy
 
 
 def test_runtimes_are_found_where_their_loaders_look(
@@ -168,8 +168,8 @@ def test_serial_ports_are_told_as_they_stand_in_the_configuration(
         Port("COM1", None, None, None, "on board"),
     ]
     monkeypatch.setattr(list_ports, "comports", lambda: plugged)
-    (found,) = [f for f in ports() if f.subject.startswith("COM")]
-    assert found.found.startswith("vid: 0x0403, pid: 0x6001, serial_number: A10L")
+    (finding,) = [f for f in ports() if f.subject.startswith("COM")]
+    assert finding.found.startswith("vid: 0x0403, pid: 0x6001, serial_number: A10L")
 
 
 def test_firewall_hint_names_the_port_of_the_configuration() -> None:
@@ -180,8 +180,8 @@ def test_port_taken_by_another_program_is_told() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("", 0))
         port = other.getsockname()[1]
-        found = network(real("body_tracker", "xsens", port=port))
-    assert one(found, "body_tracker").level == "missing"
+        finding = network(real("body_tracker", "xsens", port=port))
+    assert one(finding, "body_tracker").level == "missing"
 
 
 def test_unknown_licence_is_said_to_be_unknown() -> None:
@@ -232,7 +232,7 @@ def test_a_labs_own_lsl_session_is_told_with_what_to_set_elsewhere(
 ) -> None:
     config = load_lab(CONFIG)
     config = config.model_copy(update={"sync": Sync.model_validate(sync)})
-    found = one(computer(config, SimClock()), "LSL session")
-    assert found.level == level
-    assert said in found.found
-    assert ("SessionID = floor-2" in found.remedy) == (level == "note")
+    finding = one(computer(config, SimClock()), "LSL session")
+    assert finding.level == level
+    assert said in finding.found
+    assert ("SessionID = floor-2" in finding.remedy) == (level == "note")

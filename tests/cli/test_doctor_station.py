@@ -46,8 +46,8 @@ def test_what_was_locked_is_read_again(here: LabConfig) -> None:
 
 
 def test_a_station_as_it_was_locked_is_told_in_one_line() -> None:
-    (found,) = compare_stations(KEPT, KEPT)
-    assert ("ok", True) == (found.level, found.found.startswith("as locked on 2026-03-02"))
+    (finding,) = compare_stations(KEPT, KEPT)
+    assert ("ok", True) == (finding.level, finding.found.startswith("as locked on 2026-03-02"))
 
 
 @pytest.mark.parametrize(
@@ -61,14 +61,14 @@ def test_a_station_as_it_was_locked_is_told_in_one_line() -> None:
 def test_a_figure_that_became_worse_is_told_beside_the_one_locked(
     name: str, value: float, says: str
 ) -> None:
-    (found,) = compare_stations(KEPT, replace(KEPT, figures={**KEPT.figures, name: value}))
-    assert ("warning", True) == (found.level, found.found.startswith(says))
+    (finding,) = compare_stations(KEPT, replace(KEPT, figures={**KEPT.figures, name: value}))
+    assert ("warning", True) == (finding.level, finding.found.startswith(says))
 
 
 @pytest.mark.parametrize(("name", "value"), [("wake_ms", 0.6), ("write_ms", 20.0)])
 def test_a_busier_moment_is_no_other_station(name: str, value: float) -> None:
-    (found,) = compare_stations(KEPT, replace(KEPT, figures={**KEPT.figures, name: value}))
-    assert "ok" == found.level
+    (finding,) = compare_stations(KEPT, replace(KEPT, figures={**KEPT.figures, name: value}))
+    assert "ok" == finding.level
 
 
 @pytest.mark.parametrize(
@@ -81,8 +81,8 @@ def test_a_chain_of_devices_that_is_late_otherwise_is_told(delay_ms: float, leve
 
 def test_what_figures_depend_on_is_told_when_it_changes() -> None:
     now = replace(KEPT, depends_on={**KEPT.depends_on, "monitors": "2560×1440 at 60 Hz"})
-    (found,) = compare_stations(KEPT, now)
-    assert "2560×1440 at 60 Hz; locked on 2026-03-02 with 2560×1440 at 144 Hz" == found.found
+    (finding,) = compare_stations(KEPT, now)
+    assert "2560×1440 at 60 Hz; locked on 2026-03-02 with 2560×1440 at 144 Hz" == finding.found
 
 
 def test_locking_again_keeps_what_was_locked_before(here: LabConfig) -> None:
@@ -94,8 +94,8 @@ def test_locking_again_keeps_what_was_locked_before(here: LabConfig) -> None:
 
 
 def test_a_station_never_locked_is_a_note_with_the_command_that_locks_it(here: LabConfig) -> None:
-    (found,) = station_findings(here, SystemClock())
-    assert ("note", True) == (found.level, "visavis doctor --lock" in found.remedy)
+    (finding,) = station_findings(here, SystemClock())
+    assert ("note", True) == (finding.level, "visavis doctor --lock" in finding.remedy)
 
 
 def test_a_damaged_file_is_told_with_the_way_out(here: LabConfig) -> None:
@@ -118,18 +118,20 @@ def test_doctor_locks_this_computer_and_then_compares(
     config = tmp_path / "lab_config.yaml"
     config.write_bytes(CONFIG.read_bytes())
     done = CliRunner().invoke(app, ["doctor", "--lock", "--json", "--config", str(config)])
-    found = [f for f in json.loads(done.output)["findings"] if f["section"] == "station"]
+    findings = [f for f in json.loads(done.output)["findings"] if f["section"] == "station"]
     assert 1 == len(list((tmp_path / "data" / "stations").glob("*.json")))
-    assert all("locked on" in f["found"] for f in found)
-    assert found
+    assert all("locked on" in f["found"] for f in findings)
+    assert findings
 
 
 def test_the_operator_is_told_at_the_start_and_the_session_keeps_it(
     here: LabConfig, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    found = (Finding("station", "timing", "warning", "frames begun late 20 %", "close programs"),)
-    session_commands._tell_station(found)
+    findings = (
+        Finding("station", "timing", "warning", "frames begun late 20 %", "close programs"),
+    )
+    session_commands._tell_station(findings)
     assert "station: frames begun late 20 %\n  → close programs" in capsys.readouterr().err
-    save_with_session(tmp_path, here, SimClock(), {}, found)
+    save_with_session(tmp_path, here, SimClock(), {}, findings)
     kept = json.loads((tmp_path / FILE_NAME).read_text("utf-8"))["findings"]
     assert "frames begun late 20 %" in [f["found"] for f in kept if f["section"] == "station"]

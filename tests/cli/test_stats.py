@@ -123,10 +123,10 @@ def test_art_is_that_of_the_library(table: Path) -> None:
     expected = art_anova(
         trials(), "accuracy", subject="participant", within=["technique", "direction"]
     )
-    found = answer(table, "--test", "art", *TWO)
-    assert [e.F for e in expected.effects] == pytest.approx([r["F"] for r in found["rows"]])
-    assert any(r["family"] == "technique" for r in found["contrasts"])
-    assert any("inverse-normal ranks" in line for line in found["path"])
+    printout = answer(table, "--test", "art", *TWO)
+    assert [e.F for e in expected.effects] == pytest.approx([r["F"] for r in printout["rows"]])
+    assert any(r["family"] == "technique" for r in printout["contrasts"])
+    assert any("inverse-normal ranks" in line for line in printout["path"])
 
 
 def test_repeated_rows_are_averaged_and_that_is_said(tmp_path: Path) -> None:
@@ -135,9 +135,9 @@ def test_repeated_rows_are_averaged_and_that_is_said(tmp_path: Path) -> None:
     frame.to_csv(path, index=False)
     means = cell_means(frame, "accuracy", by=["participant", "technique", "direction"])
     expected = rm_anova(means, "accuracy", subject="participant", within=["technique", "direction"])
-    found = answer(path, "--test", "rm", *TWO)
-    assert [e.F for e in expected.effects] == pytest.approx([r["F"] for r in found["rows"]])
-    assert any("360 rows averaged to 72" in note for note in found["notes"])
+    printout = answer(path, "--test", "rm", *TWO)
+    assert [e.F for e in expected.effects] == pytest.approx([r["F"] for r in printout["rows"]])
+    assert any("360 rows averaged to 72" in note for note in printout["notes"])
 
 
 # ---- which rows ----
@@ -153,17 +153,17 @@ def with_rows_that_do_not_count(tmp_path: Path) -> Path:
 
 def test_rows_that_do_not_count_are_left_out_and_that_is_said(table: Path, tmp_path: Path) -> None:
     path = with_rows_that_do_not_count(tmp_path)
-    found = answer(path, "--test", "rm", *TWO)
-    assert answer(table, "--test", "rm", *TWO)["rows"] == found["rows"]
-    assert any("72 of 144 rows do not count" in n and "72 practice" in n for n in found["notes"])
+    printout = answer(path, "--test", "rm", *TWO)
+    assert answer(table, "--test", "rm", *TWO)["rows"] == printout["rows"]
+    assert any("72 of 144 rows do not count" in n and "72 practice" in n for n in printout["notes"])
     printed = stats(path, "--test", "rm", *TWO).stdout
     assert 1 == printed.count("72 of 144 rows do not count")
     assert printed.index("do not count") < printed.index("How it was decided")
 
 
 def test_rows_that_do_not_count_are_tested_when_asked_for(tmp_path: Path) -> None:
-    found = answer(with_rows_that_do_not_count(tmp_path), "--test", "rm", "--all-rows", *TWO)
-    assert any("144 rows averaged to 72" in note for note in found["notes"])
+    printout = answer(with_rows_that_do_not_count(tmp_path), "--test", "rm", "--all-rows", *TWO)
+    assert any("144 rows averaged to 72" in note for note in printout["notes"])
 
 
 def test_a_table_without_a_row_that_counts_is_refused(tmp_path: Path) -> None:
@@ -196,8 +196,8 @@ def test_where_takes_levels_and_numbers(table: Path) -> None:
 def test_a_level_with_a_comma_in_its_name_is_one_level(tmp_path: Path) -> None:
     path = tmp_path / "trials.csv"
     trials().replace({"technique": {"ray": "ray, slow"}}).to_csv(path, index=False)
-    found = answer(path, "--test", "paired", *PAIR, "--where", "technique=ray, slow")
-    assert "where technique=ray, slow: 24 of 72 rows" in found["notes"]
+    printout = answer(path, "--test", "paired", *PAIR, "--where", "technique=ray, slow")
+    assert "where technique=ray, slow: 24 of 72 rows" in printout["notes"]
 
 
 @pytest.mark.parametrize(
@@ -220,11 +220,11 @@ def test_a_condition_that_makes_no_sense_is_refused(
 
 
 def test_a_factor_left_out_is_averaged_over(table: Path) -> None:
-    found = answer(table, "--test", "paired", *PAIR)
+    printout = answer(table, "--test", "paired", *PAIR)
     wide = trials().pivot_table(index="participant", columns="direction", values="accuracy")
     expected = paired_t(wide["left"], wide["right"])
-    assert expected.t == pytest.approx(found["rows"][0]["t"])
-    assert any("Shapiro-Wilk" in line for line in found["path"])
+    assert expected.t == pytest.approx(printout["rows"][0]["t"])
+    assert any("Shapiro-Wilk" in line for line in printout["path"])
 
 
 @pytest.mark.parametrize(
@@ -303,8 +303,8 @@ def rated(tmp_path: Path) -> Path:
 
 def test_raters_of_the_same_things_are_compared(tmp_path: Path) -> None:
     path, roles = rated(tmp_path), ("--within", "rater", "--subject", "clip")
-    found = answer(path, "--test", "icc", "--dv", "rating", *roles)
-    kinds = [row["kind"] for row in found["rows"]]
+    printout = answer(path, "--test", "icc", "--dv", "rating", *roles)
+    kinds = [row["kind"] for row in printout["rows"]]
     assert ["ICC1", "ICC2", "ICC3", "ICC1k", "ICC2k", "ICC3k"] == kinds
     alpha = answer(path, "--test", "krippendorff", "--dv", "word", *roles, "--scale", "nominal")
     kappa = answer(path, "--test", "kappa", "--dv", "word", *roles)
@@ -318,8 +318,8 @@ def test_raters_of_the_same_things_are_compared(tmp_path: Path) -> None:
 
 def test_counts_are_tested_where_rows_are_independent(tmp_path: Path) -> None:
     path = rated(tmp_path)
-    found = answer(path, "--test", "binomial", "--dv", "hit", "--where", "rater=ann")
-    assert 20 == found["rows"][0]["of"]
+    printout = answer(path, "--test", "binomial", "--dv", "hit", "--where", "rater=ann")
+    assert 20 == printout["rows"][0]["of"]
     with pytest.raises(DuplicateCell, match="not independent"):
         answer(path, "--test", "binomial", "--dv", "hit", "--subject", "clip")
     twice = pd.concat([pd.read_csv(path)] * 2)
@@ -340,13 +340,13 @@ def test_choices_between_two_are_read_from_two_columns_or_one(tmp_path: Path) ->
     frame["pair"] = frame["left"] + "|" + frame["right"]
     path = tmp_path / "votes.csv"
     frame.to_csv(path, index=False)
-    asked = ("--test", "bradleyterry", "--dv", "vote", "--subject", "participant", "--side")
-    found = answer(path, *asked, "--within", "left", "right")
-    again = answer(path, *asked, "--within", "pair")
-    assert ["left:right"] == [row["term"] for row in found["rows"]]
-    assert found["rows"][0]["p"] == pytest.approx(again["rows"][0]["p"])
-    assert found["cells"] == again["cells"]
-    assert ["items"] * 3 + ["place"] == [row["family"] for row in found["contrasts"]]
+    options = ("--test", "bradleyterry", "--dv", "vote", "--subject", "participant", "--side")
+    printout = answer(path, *options, "--within", "left", "right")
+    again = answer(path, *options, "--within", "pair")
+    assert ["left:right"] == [row["term"] for row in printout["rows"]]
+    assert printout["rows"][0]["p"] == pytest.approx(again["rows"][0]["p"])
+    assert printout["cells"] == again["cells"]
+    assert ["items"] * 3 + ["place"] == [row["family"] for row in printout["contrasts"]]
 
 
 def test_alpha_of_a_scale_reads_items_one_after_another(tmp_path: Path) -> None:
@@ -356,9 +356,9 @@ def test_alpha_of_a_scale_reads_items_one_after_another(tmp_path: Path) -> None:
     frame["q2"] *= -1
     path = tmp_path / "scale.csv"
     frame.to_csv(path, index=False)
-    found = answer(path, "--test", "cronbach", "--items", "q0", "q1", "q2", "--reverse", "q2")
-    assert found["rows"][0]["alpha"] > 0.7
-    assert 3 == len(found["contrasts"])
+    printout = answer(path, "--test", "cronbach", "--items", "q0", "q1", "q2", "--reverse", "q2")
+    assert printout["rows"][0]["alpha"] > 0.7
+    assert 3 == len(printout["contrasts"])
 
 
 # ---- how files are written ----
@@ -461,9 +461,9 @@ def test_a_missing_value_among_repetitions_is_not_left_out_silently(tmp_path: Pa
     frame.to_csv(path, index=False)
     with pytest.raises(MissingValue, match=r"row 5 \(line 6\) \(subject 1, technique ray"):
         answer(path, "--test", "rm", *TWO)
-    found = answer(path, "--test", "rm", *TWO, "--missing", "listwise")
-    assert 12 == found["rows"][0]["n"]
-    assert any("1 rows without accuracy" in note for note in found["notes"])
+    printout = answer(path, "--test", "rm", *TWO, "--missing", "listwise")
+    assert 12 == printout["rows"][0]["n"]
+    assert any("1 rows without accuracy" in note for note in printout["notes"])
 
 
 def test_a_missing_label_names_its_row(tmp_path: Path) -> None:

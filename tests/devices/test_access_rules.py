@@ -36,31 +36,31 @@ def rules_for(*devices):
     ],
 )
 def test_a_device_is_matched_on_its_own_wire_by_its_numbers(driver, expected):
-    found = rules_for(device("armband_left", driver, vid=0x0403, pid=0x6001))
+    rules = rules_for(device("armband_left", driver, vid=0x0403, pid=0x6001))
 
-    assert f'{expected}, MODE="0660", TAG+="uaccess"' in found.text.splitlines()
-    assert found.notes == ()
+    assert f'{expected}, MODE="0660", TAG+="uaccess"' in rules.text.splitlines()
+    assert rules.notes == ()
 
 
 def test_what_no_rule_can_match_is_told_with_another_way():
-    found = rules_for(
+    rules = rules_for(
         device("armband_left", "serial_armband", port="/dev/ttyUSB0"),
         device("eye_tracker", "hid_gaze"),
         device("headset", "openvr_headset"),
     )
 
-    assert [line for line in found.text.splitlines() if not line.startswith("#")] == []
-    assert "usermod -aG dialout" in found.notes[0]
-    assert found.notes[1].startswith("eye_tracker: ")
+    assert [line for line in rules.text.splitlines() if not line.startswith("#")] == []
+    assert "usermod -aG dialout" in rules.notes[0]
+    assert rules.notes[1].startswith("eye_tracker: ")
 
 
 def test_a_parallel_port_is_its_groups():
-    found = rules_for(device("triggers", "parallel_triggers", port="/dev/parport0"))
+    rules = rules_for(device("triggers", "parallel_triggers", port="/dev/parport0"))
 
-    assert [line for line in found.text.splitlines() if not line.startswith("#")] == []
-    assert len(found.notes) == 1
-    assert found.notes[0].startswith("triggers: ")
-    assert "usermod -aG lp $USER" in found.notes[0]
+    assert [line for line in rules.text.splitlines() if not line.startswith("#")] == []
+    assert len(rules.notes) == 1
+    assert rules.notes[0].startswith("triggers: ")
+    assert "usermod -aG lp $USER" in rules.notes[0]
 
 
 LABJACK = """  triggers:
@@ -115,7 +115,7 @@ def udevadm(monkeypatch, folder, code):
 
 @pytest.mark.skipif(os.name == "nt", reason="udev is Linux's")
 def test_installed_rules_are_in_the_file_and_udev_is_told(tmp_path, monkeypatch):
-    asked = udevadm(monkeypatch, tmp_path, 0)
+    calls = udevadm(monkeypatch, tmp_path, 0)
     monkeypatch.setattr(
         "visavis.cli.commands.devices.RULES_PATH", str(tmp_path / "70-visavis.rules")
     )
@@ -124,7 +124,7 @@ def test_installed_rules_are_in_the_file_and_udev_is_told(tmp_path, monkeypatch)
     assert answer.exit_code == 0, answer.output
     assert "is in force" in answer.output
     assert (tmp_path / "70-visavis.rules").read_text("utf-8") == typed(tmp_path, LABJACK).stdout
-    assert asked.read_text() == "control --reload\n"
+    assert calls.read_text() == "control --reload\n"
 
 
 @pytest.mark.skipif(os.name == "nt", reason="udev is Linux's")

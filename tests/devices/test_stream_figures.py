@@ -25,41 +25,46 @@ def regular(n=1200, delay_ms=8.0, drift_ppm=0.0):
 
 
 def pairs(seconds=10.0, drift_ppm=0.0, round_trip_ms=1.0, step_s=0.25):
-    found = []
+    figures = []
     for k in range(round(seconds / step_s)):
         device = round(k * step_s * NS_PER_S)
         middle = device * (1 + drift_ppm * 1e-6) + OFFSET_NS
         half = round_trip_ms / 2 * NS_PER_MS
-        found.append(ClockPair(round(middle - half), device, round(middle + half)))
-    return found
+        figures.append(ClockPair(round(middle - half), device, round(middle + half)))
+    return figures
 
 
 def test_delay_is_absolute_with_time_exchanges():
-    found = stream_figures(GAZE, [regular()], pairs())
-    assert found.delay_is_absolute
-    assert found.delay_ms == pytest.approx(8.0, abs=0.01)
-    assert found.rate_hz == pytest.approx(120.0, abs=0.01)
-    assert (0, 0) == (found.gaps, found.lost)
+    figures = stream_figures(GAZE, [regular()], pairs())
+    assert figures.delay_is_absolute
+    assert figures.delay_ms == pytest.approx(8.0, abs=0.01)
+    assert figures.rate_hz == pytest.approx(120.0, abs=0.01)
+    assert (0, 0) == (figures.gaps, figures.lost)
 
 
 def test_delay_without_exchanges_is_above_the_quickest_sample():
-    found = stream_figures(GAZE, [regular()])
-    assert not found.delay_is_absolute
-    assert found.delay_ms == pytest.approx(0.0, abs=0.01)
+    figures = stream_figures(GAZE, [regular()])
+    assert not figures.delay_is_absolute
+    assert figures.delay_ms == pytest.approx(0.0, abs=0.01)
 
 
 def test_gap_and_hole_are_counted():
     whole = regular(100)
     keep = np.r_[0:40, 43:100]
     cut = batch(whole.t_device_ns[keep], whole.t_host_ns[keep], keep)
-    found = stream_figures(GAZE, [cut])
-    assert (1, 3) == (found.gaps, found.lost)
-    assert found.longest_gap_ms == pytest.approx(4 * PERIOD_NS / NS_PER_MS)
+    figures = stream_figures(GAZE, [cut])
+    assert (1, 3) == (figures.gaps, figures.lost)
+    assert figures.longest_gap_ms == pytest.approx(4 * PERIOD_NS / NS_PER_MS)
 
 
 def test_stream_that_never_came_has_no_figures():
-    found = stream_figures(GAZE, [])
-    assert (0, None, None, None) == (found.samples, found.rate_hz, found.jitter_ms, found.delay_ms)
+    figures = stream_figures(GAZE, [])
+    assert (0, None, None, None) == (
+        figures.samples,
+        figures.rate_hz,
+        figures.jitter_ms,
+        figures.delay_ms,
+    )
 
 
 def test_stamps_of_our_own_clock_say_nothing_of_delay():
@@ -69,9 +74,9 @@ def test_stamps_of_our_own_clock_say_nothing_of_delay():
 
 def test_rows_without_device_time_are_counted_only():
     rows = batch([NO_DEVICE_TIME] * 20, np.arange(20), schema=HAPTICS)
-    found = stream_figures(HAPTICS, [rows])
-    assert 20 == found.samples
-    assert found.delay_ms is None
+    figures = stream_figures(HAPTICS, [rows])
+    assert 20 == figures.samples
+    assert figures.delay_ms is None
 
 
 def test_exchanges_of_the_opening_make_no_drift():
@@ -84,13 +89,13 @@ def test_exchanges_of_the_opening_make_no_drift():
 
 
 def test_drift_is_told_from_five_seconds_on():
-    found = clock_figures([], pairs(10.0, drift_ppm=50.0))
-    assert found.drift_ppm == pytest.approx(50.0, abs=0.5)
-    assert found.bound_ms == pytest.approx(0.5, abs=0.01)
+    figures = clock_figures([], pairs(10.0, drift_ppm=50.0))
+    assert figures.drift_ppm == pytest.approx(50.0, abs=0.5)
+    assert figures.bound_ms == pytest.approx(0.5, abs=0.01)
     assert clock_figures([], pairs(4.0, drift_ppm=50.0)).drift_ppm is None
 
 
 def test_one_way_clock_has_no_bound():
-    found = clock_figures([regular(drift_ppm=20.0)])
-    assert found.bound_ms is None
-    assert found.drift_ppm == pytest.approx(20.0, abs=0.5)
+    figures = clock_figures([regular(drift_ppm=20.0)])
+    assert figures.bound_ms is None
+    assert figures.drift_ppm == pytest.approx(20.0, abs=0.5)

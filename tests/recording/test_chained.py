@@ -20,8 +20,8 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_records_come_back_in_order(path: Path) -> None:
-    found = read_lines(path)
-    assert (tuple(RECORDS), None, ()) == (found.records, found.damaged_line, found.notes)
+    content = read_lines(path)
+    assert (tuple(RECORDS), None, ()) == (content.records, content.damaged_line, content.notes)
     assert path.read_bytes() == copy_path(path).read_bytes()
 
 
@@ -31,9 +31,9 @@ def test_no_flipped_bit_is_read_as_if_nothing_were(path: Path) -> None:
     for _ in range(300):
         at, bit = int(rng.integers(len(data))), 1 << int(rng.integers(8))
         path.write_bytes(data[:at] + bytes([data[at] ^ bit]) + data[at + 1 :])
-        found = read_lines(path)
-        assert found.damaged_line is not None or found.notes
-        assert found.records == tuple(RECORDS)[: len(found.records)]
+        content = read_lines(path)
+        assert content.damaged_line is not None or content.notes
+        assert content.records == tuple(RECORDS)[: len(content.records)]
         assert repair_lines(path) is not None
         assert data == path.read_bytes()
 
@@ -42,9 +42,9 @@ def test_a_cut_takes_nothing_as_the_copy_has_it(path: Path) -> None:
     data = path.read_bytes()
     for cut in range(0, len(data), 11):
         path.write_bytes(data[:cut])
-        found = read_lines(path)
-        assert tuple(RECORDS) == found.records
-        assert "of its copy" in found.notes[0]
+        content = read_lines(path)
+        assert tuple(RECORDS) == content.records
+        assert "of its copy" in content.notes[0]
     append_lines(path, [{"event": "more"}])
     assert 13 == len(read_lines(path).records)
     assert () == read_lines(path).notes
@@ -70,9 +70,9 @@ def test_lines_from_before_there_were_checksums_are_read_and_vouched_for(path: P
 def test_a_damaged_copy_is_named_and_renewed(path: Path) -> None:
     data = path.read_bytes()
     copy_path(path).write_bytes(data.replace(b"05A", b"06A"))
-    found = read_lines(path)
-    assert tuple(RECORDS) == found.records
-    assert "is damaged or cut short" in found.notes[0]
+    content = read_lines(path)
+    assert tuple(RECORDS) == content.records
+    assert "is damaged or cut short" in content.notes[0]
     assert "was renewed" in str(repair_lines(path))
     assert data == copy_path(path).read_bytes()
 

@@ -157,8 +157,8 @@ def fitted(case: Case, entry: Entry) -> Any:
     if test == "lmm":
         return linear_mixed(case.frame, "y", random=entry["random"], **arguments)
     if test == "gee":
-        made = gee(case.frame, "y", family=entry["family"], **arguments)
-        return replace(made, model=_known_errors(made.model, made.model.robust))
+        fit = gee(case.frame, "y", family=entry["family"], **arguments)
+        return replace(fit, model=_known_errors(fit.model, fit.model.robust))
     rated = clmm(case.frame, "y", **arguments)
     return replace(rated, model=_known_errors(rated.model, rated.model.likelihood))
 
@@ -170,12 +170,12 @@ def _known_errors(model: Any, covariance: Any) -> Any:
 
 def _marginal_contrasts(case: Case, entry: Entry) -> dict[str, Any]:
     """Return the contrasts of an entry by every adjustment that R gives."""
-    made, asked = fitted(case, entry), {"weights": entry["weights"]}
+    fit, asked = fitted(case, entry), {"weights": entry["weights"]}
     if "error" in entry:
         asked["error"] = entry["error"]
     kind, term, expected = entry["procedure"], tuple(entry["term"]), entry["expected"]
     if kind == "contrasts_simple":
-        families = statistics.simple_effects(made, term, tuple(entry["by"]), **asked)
+        families = statistics.simple_effects(fit, term, tuple(entry["by"]), **asked)
         rows = {}
         for family in families:
             at = ",".join(
@@ -184,14 +184,14 @@ def _marginal_contrasts(case: Case, entry: Entry) -> dict[str, Any]:
             rows |= {(*pair, at): row for pair, row in _pair_rows(family, term).items()}
         return by_key(expected, ["level_1", "level_2", "at"], _without_df(rows, expected))
     if kind == "contrasts_interaction":
-        table = statistics.interaction_contrasts(made, term, adjust="holm", **asked)
+        table = statistics.interaction_contrasts(fit, term, adjust="holm", **asked)
         columns = [f"contrast_{i + 1}" for i in range(len(term))]
         return by_key(expected, columns, _without_df(_double_rows(table, term), expected))
     if kind == "contrasts_hypotheses":
-        table = statistics.linear_hypotheses(made, term, entry["hypotheses"], **asked)
+        table = statistics.linear_hypotheses(fit, term, entry["hypotheses"], **asked)
         rows = {(c.name,): {**_numbers(c), "p_holm": c.p_adjusted} for c in table.contrasts}
         return by_key(expected, ["name"], _without_df(rows, expected))
-    table = statistics.posthoc(made, term, **asked)
+    table = statistics.posthoc(fit, term, **asked)
     return by_key(expected, ["level_1", "level_2"], _without_df(_pair_rows(table, term), expected))
 
 
@@ -312,9 +312,9 @@ def _lmer_anova(case: Case, entry: Entry) -> dict[str, Any]:
 
 def _linear_mixed(case: Case, entry: Entry) -> LinearMixed:
     arguments = case.arguments(entry) | {"missing": "mixed"}
-    made = linear_mixed(case.frame, entry["dv"], random=entry["random"], **arguments)
-    assert made.random == entry["random"], made.steps
-    return made
+    fit = linear_mixed(case.frame, entry["dv"], random=entry["random"], **arguments)
+    assert fit.random == entry["random"], fit.steps
+    return fit
 
 
 def _lmm(case: Case, entry: Entry) -> dict[str, Any]:
@@ -349,16 +349,16 @@ def _gee(case: Case, entry: Entry) -> dict[str, Any]:
 def _clmm(case: Case, entry: Entry) -> dict[str, Any]:
     random = entry.get("random", "intercept")
     arguments = case.arguments(entry) | {"missing": "mixed", "random": random}
-    made = clmm(case.frame, entry["dv"], **arguments)
+    fit = clmm(case.frame, entry["dv"], **arguments)
     return {
-        "thresholds": made.fit.thresholds.tolist(),
-        "coefficients": made.fit.beta.tolist(),
-        "se": np.sqrt(np.diag(made.fit.covariance)).tolist(),
-        "log_likelihood": made.fit.log_likelihood,
-        "sigma": made.fit.sigma,
-        "spread": made.fit.spread.tolist(),
-        "chi2": [e.chi2 for e in made.effects],
-        "chi2_p": [e.chi2_p for e in made.effects],
+        "thresholds": fit.fit.thresholds.tolist(),
+        "coefficients": fit.fit.beta.tolist(),
+        "se": np.sqrt(np.diag(fit.fit.covariance)).tolist(),
+        "log_likelihood": fit.fit.log_likelihood,
+        "sigma": fit.fit.sigma,
+        "spread": fit.fit.spread.tolist(),
+        "chi2": [e.chi2 for e in fit.effects],
+        "chi2_p": [e.chi2_p for e in fit.effects],
     }
 
 

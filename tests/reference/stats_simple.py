@@ -307,7 +307,7 @@ def _bradley_terry(case: Case, entry: Entry) -> dict[str, Any]:
     if "count" in frame:  # choices of as many people
         frame = {name: np.repeat(v, frame["count"].astype(int)) for name, v in frame.items()}
         frame["s"] = np.arange(frame["y"].size)
-    made = bradley_terry(
+    outcome = bradley_terry(
         frame,
         entry["dv"],
         first=case.design["first"],
@@ -317,7 +317,7 @@ def _bradley_terry(case: Case, entry: Entry) -> dict[str, Any]:
         side=entry.get("side", False),
         random=entry.get("random", ""),
     )
-    effect, model = made.effects[0], made.model
+    effect, model = outcome.effects[0], outcome.model
     return {
         "coefficients": model.beta.tolist(),
         "se": np.sqrt(np.diag(model.likelihood)).tolist(),
@@ -327,8 +327,8 @@ def _bradley_terry(case: Case, entry: Entry) -> dict[str, Any]:
         "test": {"F": effect.F, "df1": effect.df1, "df2": effect.df2, "p": effect.p},
         "chi2": effect.chi2,
         "chi2_p": effect.chi2_p,
-        "fit_chi2": None if made.fit is None else made.fit.chi2,
-        "fit_df": None if made.fit is None else made.fit.df,
+        "fit_chi2": None if outcome.fit is None else outcome.fit.chi2,
+        "fit_df": None if outcome.fit is None else outcome.fit.df,
     }
 
 
@@ -337,32 +337,38 @@ def _ratings(case: Case) -> Any:
 
 
 def _icc(case: Case, entry: Entry) -> dict[str, Any]:
-    made = icc(_ratings(case))
+    outcome = icc(_ratings(case))
     return {
-        "kind": [m.kind for m in made],
-        "value": [m.value for m in made],
-        "F": [m.F for m in made],
-        "df1": [m.df1 for m in made],
-        "df2": [m.df2 for m in made],
-        "p": [m.p for m in made],
-        "low": [m.by_f.low for m in made],
-        "high": [m.by_f.high for m in made],
+        "kind": [m.kind for m in outcome],
+        "value": [m.value for m in outcome],
+        "F": [m.F for m in outcome],
+        "df1": [m.df1 for m in outcome],
+        "df2": [m.df2 for m in outcome],
+        "p": [m.p for m in outcome],
+        "low": [m.by_f.low for m in outcome],
+        "high": [m.by_f.high for m in outcome],
     }
 
 
 def _kappa(case: Case, entry: Entry) -> dict[str, Any]:
-    made = cohen_kappa(_ratings(case), scale=entry["scale"])
-    return {"value": made.value, "se": made.se}
+    outcome = cohen_kappa(_ratings(case), scale=entry["scale"])
+    return {"value": outcome.value, "se": outcome.se}
 
 
 def _alpha(case: Case, entry: Entry) -> dict[str, Any]:
     return {"value": krippendorff_alpha(_ratings(case), scale=entry["scale"]).value}
 
 
-def _counted(made: Binomial) -> dict[str, Any]:
-    assert made.effect.interval is not None
-    ends = made.effect.interval
-    return {"hits": made.hits, "n": made.n, "p": made.p, "low": ends.low, "high": ends.high}
+def _counted(outcome: Binomial) -> dict[str, Any]:
+    assert outcome.effect.interval is not None
+    ends = outcome.effect.interval
+    return {
+        "hits": outcome.hits,
+        "n": outcome.n,
+        "p": outcome.p,
+        "low": ends.low,
+        "high": ends.high,
+    }
 
 
 def _sign(case: Case, entry: Entry) -> dict[str, Any]:

@@ -87,26 +87,26 @@ def _crouch(where: str, case: Case) -> Iterator[Check]:
     peak_s = brentq(speed, 0.01, 0.9, xtol=1e-14)
     undershoot_s = brentq(speed, peak_s + 0.01, 2 * peak_s + 0.1, xtol=1e-14)
     half_s = brentq(lambda t_s: weight(t_s) - 0.5, 0.01, peak_s, xtol=1e-14)
-    found = {
+    values = {
         "peak_s": peak_s,
         "overshoot": weight(peak_s) - 1.0,
         "max_weight": weight(peak_s),
         "second_undershoot": 1.0 - weight(undershoot_s),
         "half_way_s": half_s,
     }
-    for name, got in found.items():
+    for name, got in values.items():
         yield Check(f"{where}.{name}", case[name], got, abs(case[name] - got) <= tol)
 
 
 def _increments(where: str, case: Case) -> Iterator[Check]:
     counts = [pose_counts(case["clip"], i) for i in range(len(case["keys_by_increment"]))]
-    found = {
+    values = {
         "keys_by_increment": [c.keys for c in counts],
         "segments_by_increment": [c.segments for c in counts],
         "authored_by_increment": [c.authored for c in counts],
         "old_keys_at": [list(c.kept) for c in counts],
     }
-    for name, got in found.items():
+    for name, got in values.items():
         yield Check(f"{where}.{name}", case[name], got, case[name] == got)
 
 
@@ -129,12 +129,12 @@ def check_gapfill(where: str, case: Case) -> Iterator[Check]:
         yield Check(f"{where}.mode", f"one of {sorted(GAP_ENTRIES)}", mode, False)
         return
     yield from unknown(where, case, GAP_ENTRIES[mode] | {"name", "tol"})
-    found: dict[str, Any]
+    values: dict[str, Any]
     if mode == "clip":
         source, before, after = (np.array(case[n]) for n in ("source", "before", "after"))
         gap = case["gap_frames"]
         best = best_segment(source, before, after, gap, case["window"])
-        found = {
+        values = {
             "best_start": best.start,
             "distance": best.distance,
             "second_best_gap": best.runner_up,
@@ -142,21 +142,21 @@ def check_gapfill(where: str, case: Case) -> Iterator[Check]:
         }
     else:
         hold = Hold(case["p_end"], case["v_end"], case["p_next"], case["gap_s"])
-        found = {
+        values = {
             "hold_value": hold.value,
             "hold_from_s": hold.from_s,
             "hold_to_s": hold.to_s,
             "t_y": [[t, float(hold.at(t))] for t, _ in case["t_y"]],
         }
-    yield from _close(where, case, found)
+    yield from _close(where, case, values)
 
 
 def check_matching(where: str, case: Case) -> Iterator[Check]:
     """Compare how far made motions are from their targets."""
     apart = pose_distance(np.array(case["target"]), np.array(case["made"]))
     limits = {n: apart.matches(float(n.rsplit("_", 1)[1])) for n in case if "matches_at_" in n}
-    found = {"mean_m": apart.mean_m, "sum_m": apart.sum_m, "samples": apart.samples, **limits}
-    yield from _close(where, case, found)
+    values = {"mean_m": apart.mean_m, "sum_m": apart.sum_m, "samples": apart.samples, **limits}
+    yield from _close(where, case, values)
 
 
 POSTURE_ASKED = {
@@ -181,15 +181,15 @@ def check_posture(where: str, case: Case) -> Iterator[Check]:
         case["least_support"],
         case["least_confidence"],
     )
-    for i, asked in enumerate(case["ask"]):
+    for i, question in enumerate(case["ask"]):
         at = f"{where}.ask[{i}]"
-        yield from unknown(at, asked, POSTURE_ASKED)
-        com, yaw = asked["initial_com"], asked["initial_yaw"]
-        gesture = asked["hand"], asked["lexeme"]
+        yield from unknown(at, question, POSTURE_ASKED)
+        com, yaw = question["initial_com"], question["initial_yaw"]
+        gesture = question["hand"], question["lexeme"]
         rules = habits.rules("com", *gesture)
         kept = {r.posture for r in rules}
         best = strongest("com", rules).tolist()
-        found = {
+        values = {
             "rules_com": [list(rule) for rule in rules],
             "confidence_com": [
                 b if c in kept else None for b, c in zip(best, CLASSES["com"], strict=True)
@@ -199,7 +199,7 @@ def check_posture(where: str, case: Case) -> Iterator[Check]:
             "p_yaw": habits.probability("yaw", yaw, *gesture),
             "p_joint": habits.joint(com, yaw, *gesture),
         }
-        yield from _close(at, {**asked, "tol": case["tol"]}, found)
+        yield from _close(at, {**question, "tol": case["tol"]}, values)
 
 
 def check_weights(where: str, case: Case) -> Iterator[Check]:
@@ -210,13 +210,13 @@ def check_weights(where: str, case: Case) -> Iterator[Check]:
         at = f"{where}.queries[{i}]"
         yield from unknown(at, query, {"p", "raw", "weights"})
         p = np.array(query["p"])
-        found = {"raw": fitted.raw(p), "weights": fitted.at(p)}
-        yield from _close(at, {**query, "tol": case["tol"]}, found)
+        values = {"raw": fitted.raw(p), "weights": fitted.at(p)}
+        yield from _close(at, {**query, "tol": case["tol"]}, values)
 
 
-def _close(where: str, case: Case, found: Mapping[str, Any]) -> Iterator[Check]:
+def _close(where: str, case: Case, values: Mapping[str, Any]) -> Iterator[Check]:
     """Compare what a case states with what was found, within its tolerance."""
-    for name, value in found.items():
+    for name, value in values.items():
         if name in case:
             got = value.tolist() if isinstance(value, np.ndarray) else value
             yield Check(f"{where}.{name}", case[name], got, _same(case[name], got, case["tol"]))

@@ -77,7 +77,7 @@ def ratings(seed: int = 1, people: int = 9) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def found(of: Compare, rows: pd.DataFrame) -> Finding:
+def finding_of(of: Compare, rows: pd.DataFrame) -> Finding:
     levels = {"clip": CLIPS, "occasion": ("first", "again")}
     known = {"liking": Measure("liking", "1", "liking")}
     return answer_comparison(of, rows, known, levels, is_simulated=True)
@@ -90,21 +90,21 @@ def wide(rows: pd.DataFrame) -> np.ndarray:
 def test_participants_rate_the_levels_of_the_factor() -> None:
     rows = ratings()
     expected = {one.kind: one for one in icc(wide(rows))}["ICC2"]
-    made = found(Compare("liking", within="clip", **ICC2), rows)
-    assert expected.value == pytest.approx(made.terms[0].row["agreement"])
-    assert expected.p == pytest.approx(made.terms[0].p)
-    assert ("clip",) == tuple(term.name for term in made.terms)
-    assert () == made.contrasts
+    finding = finding_of(Compare("liking", within="clip", **ICC2), rows)
+    assert expected.value == pytest.approx(finding.terms[0].row["agreement"])
+    assert expected.p == pytest.approx(finding.terms[0].p)
+    assert ("clip",) == tuple(term.name for term in finding.terms)
+    assert () == finding.contrasts
 
 
 def test_agreement_is_computed_of_things_that_have_words_of_their_own() -> None:
     rows, levels = ratings(), {"clip": CLIPS}
     known = {"liking": Measure("liking", "1", "liking")}
-    asked = Compare("liking", within="clip", **ICC2)
+    question = Compare("liking", within="clip", **ICC2)
     words = {clip: f"clip {clip}, long" for clip in CLIPS}
-    made = answer_comparison(asked, rows, known, levels, is_simulated=True, level_words=words)
+    finding = answer_comparison(question, rows, known, levels, is_simulated=True, level_words=words)
     expected = {one.kind: one for one in icc(wide(rows))}["ICC2"]
-    assert expected.value == pytest.approx(made.terms[0].row["agreement"])
+    assert expected.value == pytest.approx(finding.terms[0].row["agreement"])
 
 
 def test_alpha_and_its_bound_decide() -> None:
@@ -112,10 +112,10 @@ def test_alpha_and_its_bound_decide() -> None:
     options: list[tuple[str, Any]] = [("scale", "interval"), ("mu", 0.2)]
     of = Compare("liking", within="clip", test="krippendorff", options=options, claim="they agree")
     expected = krippendorff_alpha(wide(rows), scale="interval", above=0.2)
-    made = found(of, rows)
-    assert expected.p_above == made.terms[0].p
-    assert expected.value == pytest.approx(made.terms[0].row["agreement"])
-    assert "above 0.2" in made.outcome.sentences[0]
+    finding = finding_of(of, rows)
+    assert expected.p_above == finding.terms[0].p
+    assert expected.value == pytest.approx(finding.terms[0].row["agreement"])
+    assert "above 0.2" in finding.outcome.sentences[0]
 
 
 def test_occasions_rate_each_participants_things() -> None:
@@ -130,28 +130,28 @@ def test_occasions_rate_each_participants_things() -> None:
     )
     table = rows.pivot_table(index=["participant", "clip"], columns="occasion", values="liking")
     expected = cohen_kappa(table[["first", "again"]].to_numpy(), scale="ordinal")
-    made = found(of, rows)
-    assert 63 == made.terms[0].row["n"]
-    assert any("counts as independent" in note for note in made.outcome.notes)
-    assert expected.value == pytest.approx(made.terms[0].row["agreement"])
-    assert expected.p_above == pytest.approx(made.terms[0].p)
+    finding = finding_of(of, rows)
+    assert 63 == finding.terms[0].row["n"]
+    assert any("counts as independent" in note for note in finding.outcome.notes)
+    assert expected.value == pytest.approx(finding.terms[0].row["agreement"])
+    assert expected.p_above == pytest.approx(finding.terms[0].p)
 
 
 def test_a_participant_who_left_out_a_rating_is_told_and_leaves_an_icc() -> None:
     rows = ratings()
     short = rows[~((rows["participant"] == "P3") & (rows["clip"] == "c2"))]
-    made = found(Compare("liking", within="clip", **ICC2), short)
+    finding = finding_of(Compare("liking", within="clip", **ICC2), short)
     expected = icc(wide(rows[rows["participant"] != "P3"]))
     assert {one.kind: one.value for one in expected}["ICC2"] == pytest.approx(
-        made.terms[0].row["agreement"]
+        finding.terms[0].row["agreement"]
     )
-    assert "left out: 1 participants without all ratings" in made.outcome.notes
+    assert "left out: 1 participants without all ratings" in finding.outcome.notes
 
 
 def test_the_same_is_asked_of_a_table() -> None:
     rows = ratings()
     means = rows.groupby(["participant", "clip"], as_index=False)["liking"].mean()
-    asked = Question(
+    question = Question(
         "icc", dv="liking", within=("participant",), subject="clip", kind="ICC2", mu=0.3
     )
     planned = Compare(
@@ -161,10 +161,10 @@ def test_the_same_is_asked_of_a_table() -> None:
         options=[("kind", "ICC2"), ("mu", 0.3)],
         claim="they agree",
     )
-    row = answer(means, asked).row()
-    made = found(planned, rows).terms[0]
-    assert row["agreement"] == pytest.approx(made.row["agreement"])
-    assert row["p_above"] == pytest.approx(made.p)
+    row = answer(means, question).row()
+    finding = finding_of(planned, rows).terms[0]
+    assert row["agreement"] == pytest.approx(finding.row["agreement"])
+    assert row["p_above"] == pytest.approx(finding.p)
 
 
 @pytest.mark.parametrize(

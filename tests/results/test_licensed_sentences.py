@@ -33,11 +33,11 @@ def one_pair_alone() -> pd.DataFrame:
 
 
 def test_a_pair_is_not_said_to_differ_where_all_levels_together_do_not() -> None:
-    found = compare_conditions(
+    outcome = compare_conditions(
         one_pair_alone(), "mood", subject="participant", within="place", always_posthoc=True
     )
-    assert not found.significant
-    lines = [str(step) for step in found.steps if str(step).startswith("Post-hoc")]
+    assert not outcome.significant
+    lines = [str(step) for step in outcome.steps if str(step).startswith("Post-hoc")]
     assert not any(line.endswith("→ differ") for line in lines)
     assert any(line.endswith("→ no difference shown, as none is over all levels") for line in lines)
 
@@ -59,8 +59,8 @@ def test_two_results_that_are_not_significant_are_not_called_the_same() -> None:
 
 def test_an_aligned_rank_test_is_named_in_the_headlines_detail() -> None:
     both = Compare("mood", within=("gaze", "distance"))
-    found = analysed([GAZE, DISTANCE], [both], {"mood": chance})
-    details = [verdict.detail for verdict in headlines(found)]
+    outcome = analysed([GAZE, DISTANCE], [both], {"mood": chance})
+    details = [verdict.detail for verdict in headlines(outcome)]
     assert details
     assert all(detail.startswith("Aligned rank transform ANOVA, ") for detail in details)
 
@@ -107,14 +107,14 @@ def test_a_report_says_where_everybody_had_the_conditions_in_one_order(
 
 
 def test_intervals_of_several_headlines_are_said_not_to_be_widened() -> None:
-    found = analysed([GAZE], [Compare("mood", within="gaze")], {"mood": chance})
+    outcome = analysed([GAZE], [Compare("mood", within="gaze")], {"mood": chance})
     one = Verdict("found", "more (0.5, 95% CI [0.1, 0.9])", "")
-    assert [] == list(_caveats(*found, [one]))
-    (said,) = _caveats(*found, [one, one])
+    assert [] == list(_caveats(*outcome, [one]))
+    (said,) = _caveats(*outcome, [one, one])
     assert "they are not widened for the number of comparisons" in said
 
 
 def test_nothing_is_said_of_secondary_findings_where_nothing_was_tested() -> None:
-    found = analysed([GAZE], [Compare("mood", within="gaze")], {"mood": chance})
+    outcome = analysed([GAZE], [Compare("mood", within="gaze")], {"mood": chance})
     untested = Verdict("undecided", "not tested", "")
-    assert [] == list(_caveats(*found, [untested, replace(untested, is_secondary=True)]))
+    assert [] == list(_caveats(*outcome, [untested, replace(untested, is_secondary=True)]))

@@ -79,8 +79,8 @@ def test_two_comparisons_of_one_effect_each_have_a_power(tmp_path: Path) -> None
         for i in range(12)
         for (side, hue), nice in cells.items()
     ]
-    found = twice.resample(pd.DataFrame(rows), (12,), [red, blue], seed=1, alpha=0.001)[12]
-    assert [True, False] == [found[name].is_significant for name in (red, blue)]
+    tests = twice.resample(pd.DataFrame(rows), (12,), [red, blue], seed=1, alpha=0.001)[12]
+    assert [True, False] == [tests[name].is_significant for name in (red, blue)]
 
 
 @pytest.mark.parametrize(("above", "finds"), [(5.0, True), (0.0, False)])
@@ -196,9 +196,9 @@ def test_power_counts_a_claim_only_in_its_direction(
         for i in range(12)
         for motion in ("idle", "wave")
     )
-    found = one_way.resample(rows, (12,), ["nice:motion"], seed=1, alpha=0.05)[12]["nice:motion"]
-    assert succeeds is found.is_significant
-    assert lift == 0.0 or np.sign(lift) == np.sign(found.difference)
+    tests = one_way.resample(rows, (12,), ["nice:motion"], seed=1, alpha=0.05)[12]["nice:motion"]
+    assert succeeds is tests.is_significant
+    assert lift == 0.0 or np.sign(lift) == np.sign(tests.difference)
 
 
 def test_people_of_the_quick_path_are_those_of_sessions(people: pd.DataFrame) -> None:
@@ -223,7 +223,7 @@ def test_power_is_found_in_a_pool_and_does_not_depend_on_the_jobs(
     power: KitPower, people: pd.DataFrame
 ) -> None:
     request = PowerRequest((6, 12), ("dwell_ms:gaze",), 8, 1.0, 0.05, 3)
-    found = [
+    tests = [
         summarise(
             power,
             request,
@@ -233,15 +233,15 @@ def test_power_is_found_in_a_pool_and_does_not_depend_on_the_jobs(
         )
         for size in (3, 8)
     ]
-    assert found[0].tests == found[1].tests
-    assert found[0].tests[0].difference > 100
+    assert tests[0].tests == tests[1].tests
+    assert tests[0].tests[0].difference > 100
 
 
 def test_drawn_people_keep_all_their_rows_and_get_numbers() -> None:
     rows = pd.DataFrame({"participant": ["a", "a", "b"], "x": [1, 2, 3]})
-    drawn = draw_people(rows, 4, np.random.default_rng(0))
-    assert {"00000", "00001", "00002", "00003"} == set(drawn["participant"])
-    assert {(1, 2), (3,)} >= {tuple(g["x"]) for _, g in drawn.groupby("participant")}
+    sample = draw_people(rows, 4, np.random.default_rng(0))
+    assert {"00000", "00001", "00002", "00003"} == set(sample["participant"])
+    assert {(1, 2), (3,)} >= {tuple(g["x"]) for _, g in sample.groupby("participant")}
 
 
 def test_effect_between_none_and_published_is_refused(power: KitPower) -> None:

@@ -45,11 +45,11 @@ QUALITIES = {"card": Quality(samples=4), "processor": LIGHTEST}
 @pytest.fixture(params=QUALITIES)
 def renderer(request: pytest.FixtureRequest) -> Iterator[Renderer]:
     try:
-        made = Renderer(quality=QUALITIES[request.param])
+        engine = Renderer(quality=QUALITIES[request.param])
     except StageError as problem:
         pytest.skip(str(problem))
-    with made:
-        yield made
+    with engine:
+        yield engine
 
 
 @cache
@@ -343,10 +343,10 @@ def test_what_is_measured_knows_no_shade() -> None:
     images = []
     for shadows in ("blobs", "none"):
         try:
-            made = Renderer(quality=replace(FAITHFUL, shadows=shadows))
+            engine = Renderer(quality=replace(FAITHFUL, shadows=shadows))
         except StageError as problem:
             pytest.skip(str(problem))
-        with made, IdentityBuffer(made) as buffer:
+        with engine, IdentityBuffer(engine) as buffer:
             images.append(buffer.views(picture(standing()), [eye()], (96, 72)))
     for name in ("person", "part", "luminance_01", "distance_m"):
         np.testing.assert_array_equal(*(getattr(image, name) for image in images))
@@ -359,15 +359,15 @@ def test_what_stands_still_throws_its_shadow_in_every_frame() -> None:
     below = Room("board", (floor, replace(board, casts_shadow=True)), (sun,), GREY / 2, GREY / 2)
     camera, place = eye(), np.array([[0.3, 0.0, -2.8]])
     try:
-        made = Renderer(quality=QUALITIES["card"])
+        engine = Renderer(quality=QUALITIES["card"])
     except StageError as problem:
         pytest.skip(str(problem))
     people = standing()
     aside = replace(people, root_m=people.root_m + np.array([3.0, 0.0, 0.0]))
-    with made:
+    with engine:
         given = replace(picture(people), room=replace(below, props=(floor,)))
-        lit = light_at(made.image(given, camera, SIZE_PX), place, camera)[0]
+        lit = light_at(engine.image(given, camera, SIZE_PX), place, camera)[0]
         given = replace(given, room=below)
         for now in (people, people, aside, aside, people):
-            image = made.image(replace(given, people=now), camera, SIZE_PX)
+            image = engine.image(replace(given, people=now), camera, SIZE_PX)
             assert light_at(image, place, camera)[0] < 0.6 * lit

@@ -38,9 +38,9 @@ AT_DEVICES = ("crowd", "stare", "waving")
 
 
 def opened(name: str) -> OpenedStudy:
-    found = find_study(name)
-    assert isinstance(found, OpenedStudy)
-    return found
+    opened_study = find_study(name)
+    assert isinstance(opened_study, OpenedStudy)
+    return opened_study
 
 
 @pytest.mark.parametrize("screening", [(), ("card", "sound")], ids=["unscreened", "screened"])
@@ -77,21 +77,25 @@ def test_the_consent_of_a_study_on_pages_names_every_kind_of_record(
     name: str, language: str, tmp_path: Path
 ) -> None:
     one = opened(name)
-    made = one.experiment({"language": language})
+    study_experiment = one.experiment({"language": language})
     lab = config(tmp_path).model_copy(update={"language": language})
     questionnaires = one.questionnaires(lab)
-    consent = consent_of(made, made.plan(0, 1), questionnaires)
+    consent = consent_of(study_experiment, study_experiment.plan(0, 1), questionnaires)
     assert consent is not None
     facts = {*ABOUT_PAGE.values(), "agreement", "answers", "course", "panel"}
-    facts |= ({"films"} if made.films else set()) | ({"moulding"} if made.lives else set())
-    assert {made.texts.get(f"recorded.{f}") for f in facts} <= set(consent.recorded.lines)
+    facts |= ({"films"} if study_experiment.films else set()) | (
+        {"moulding"} if study_experiment.lives else set()
+    )
+    assert {study_experiment.texts.get(f"recorded.{f}") for f in facts} <= set(
+        consent.recorded.lines
+    )
     told = " ".join(consent.recorded.lines)
     assert all(q.title in told for q in questionnaires)
 
 
 def test_another_text_about_records_is_another_version_of_the_consent() -> None:
-    made = experiment()
-    consent = consent_of(made, made.plan(0, 1), ())
+    study_experiment = experiment()
+    consent = consent_of(study_experiment, study_experiment.plan(0, 1), ())
     assert consent is not None
     fewer = replace(consent, recorded=replace(consent.recorded, lines=consent.recorded.lines[1:]))
     assert consent.version != fewer.version
@@ -104,15 +108,15 @@ def test_the_information_in_a_lab_names_what_every_device_in_use_measures(
     name: str, language: str, tmp_path: Path
 ) -> None:
     one = opened(name)
-    made = one.experiment({"language": language})
+    study_experiment = one.experiment({"language": language})
     lab = config(tmp_path).model_copy(update={"language": language})
-    told = information_at_devices(made, one.questionnaires(lab)).lines
+    told = information_at_devices(study_experiment, one.questionnaires(lab)).lines
     facts = {"head", "shown", "presses"}
-    roles = {*made.needed_roles, *made.useful_roles}
+    roles = {*study_experiment.needed_roles, *study_experiment.useful_roles}
     facts |= {"gaze"} if "eye_tracker" in roles else set()
     facts |= {"body"} if "body_tracker" in roles else set()
     facts |= {"vibrations"} if any(r.startswith("armband") for r in roles) else set()
-    assert {made.texts.get(f"recorded.{f}") for f in facts} <= set(told)
+    assert {study_experiment.texts.get(f"recorded.{f}") for f in facts} <= set(told)
 
 
 def test_every_stream_that_visavis_defines_is_covered_by_a_fact() -> None:
@@ -132,25 +136,29 @@ def test_the_information_in_a_lab_names_every_event_that_any_session_may_hold(
     name: str, language: str, tmp_path: Path
 ) -> None:
     one = opened(name)
-    made = one.experiment({"language": language})
+    study_experiment = one.experiment({"language": language})
     lab = config(tmp_path).model_copy(update={"language": language})
     questionnaires = one.questionnaires(lab)
-    told = information_at_devices(made, questionnaires).lines
-    of_devices = {"vibrations", "body", "sounds"} | (set() if made.lives else {"moulding_in_lab"})
+    told = information_at_devices(study_experiment, questionnaires).lines
+    of_devices = {"vibrations", "body", "sounds"} | (
+        set() if study_experiment.lives else {"moulding_in_lab"}
+    )
     of_devices |= {"turning"}  # of panoramas, which none of them shows
     facts = {fact for of in LAB_EVENT_FACTS.values() for fact in of} - of_devices
     titles = ", ".join(q.title for q in questionnaires)
-    assert {made.texts.get(f"recorded.{f}", {"titles": titles}) for f in facts} <= set(told)
+    assert {study_experiment.texts.get(f"recorded.{f}", {"titles": titles}) for f in facts} <= set(
+        told
+    )
 
 
 def test_a_device_of_the_labs_own_is_named_by_its_role() -> None:
-    made = experiment()
+    study_experiment = experiment()
 
     class Lab:
-        texts, needed_roles, useful_roles = made.texts, ("breath",), ()
+        texts, needed_roles, useful_roles = study_experiment.texts, ("breath",), ()
         lives, panoramas = (), ()
 
     lab: Any = Lab()
     told = information_at_devices(lab, ()).lines
     assert "what the device called breath measures of you" in told
-    assert all("{" not in line for line in information_on_page(made, ()).lines)
+    assert all("{" not in line for line in information_on_page(study_experiment, ()).lines)

@@ -62,36 +62,36 @@ def experiment(
         sessions=sessions,
     )
     (folder / "rated.py").write_text(text, "utf-8")
-    made = find_study(str(folder / "rated.py")).experiment({})
-    assert isinstance(made, StudyExperiment)
-    return made
+    study_experiment = find_study(str(folder / "rated.py")).experiment({})
+    assert isinstance(study_experiment, StudyExperiment)
+    return study_experiment
 
 
-def shown(made: StudyExperiment, index: int = 0) -> list[dict[str, Any]]:
-    return [dict(t.factors) for t in made.plan(index, 7).trials if not t.is_practice]
+def shown(study_experiment: StudyExperiment, index: int = 0) -> list[dict[str, Any]]:
+    return [dict(t.factors) for t in study_experiment.plan(index, 7).trials if not t.is_practice]
 
 
 def test_every_item_is_drawn_once_at_the_level_of_its_column(tmp_path: Path) -> None:
-    made = experiment(tmp_path, things(12))
-    trials = shown(made)
+    study_experiment = experiment(tmp_path, things(12))
+    trials = shown(study_experiment)
     assert 12 == len({t["item"] for t in trials})
     assert all(t["mood"] == ("glad", "sad")[int(t["item"][5:]) % 2] for t in trials)
     assert {"red", "green", "blue"} == {t["colour"] for t in trials}
-    assert trials == shown(made)
-    assert trials != shown(made, 1)
+    assert trials == shown(study_experiment)
+    assert trials != shown(study_experiment, 1)
 
 
 def test_practice_shows_what_the_session_leaves_over(tmp_path: Path) -> None:
-    made = experiment(tmp_path, things(16), practice=4)
-    trials = made.plan(0, 7).trials
+    study_experiment = experiment(tmp_path, things(16), practice=4)
+    trials = study_experiment.plan(0, 7).trials
     practice = {t.factors["item"] for t in trials if t.is_practice}
     assert 4 == len(practice)
     assert not practice & {t.factors["item"] for t in trials if not t.is_practice}
 
 
 def test_practice_takes_items_of_the_session_where_the_table_is_used_up(tmp_path: Path) -> None:
-    made = experiment(tmp_path, things(12), practice=4)
-    trials = made.plan(0, 7).trials
+    study_experiment = experiment(tmp_path, things(12), practice=4)
+    trials = study_experiment.plan(0, 7).trials
     practice = {t.factors["item"] for t in trials if t.is_practice}
     assert 4 == len(practice)
     assert practice <= {t.factors["item"] for t in trials if not t.is_practice}
@@ -131,8 +131,8 @@ def test_a_column_like_a_factor_is_a_slip_only_where_every_word_is_alike(
 
 
 def test_each_participant_sees_a_list_of_their_own(tmp_path: Path) -> None:
-    made = experiment(tmp_path, things(16), 'lists="list"', repetitions=4)
-    lists = [{t["list"] for t in shown(made, index)} for index in range(3)]
+    study_experiment = experiment(tmp_path, things(16), 'lists="list"', repetitions=4)
+    lists = [{t["list"] for t in shown(study_experiment, index)} for index in range(3)]
     assert [{"a"}, {"b"}, {"a"}] == lists
 
 
@@ -140,25 +140,25 @@ def test_a_latin_square_shows_every_item_at_every_level_over_participants(
     tmp_path: Path,
 ) -> None:
     factors = f'{MOOD}, Factor("frame", ["none", "gold"])'
-    made = experiment(
+    study_experiment = experiment(
         tmp_path, things(16), 'lists="list", over="frame"', factors=factors, repetitions=4
     )
-    people = [{t["item"]: t["frame"] for t in shown(made, index)} for index in range(2)]
+    people = [{t["item"]: t["frame"] for t in shown(study_experiment, index)} for index in range(2)]
     assert [16, 16] == [len(person) for person in people]
     assert all(people[0][item] != people[1][item] for item in people[0])
-    of_list = {(t["list"], t["frame"]) for t in shown(made)}
+    of_list = {(t["list"], t["frame"]) for t in shown(study_experiment)}
     assert {("a", "none"), ("b", "gold")} == of_list
 
 
 def test_weights_are_chances_and_limits_hold(tmp_path: Path) -> None:
-    made = experiment(
+    study_experiment = experiment(
         tmp_path,
         things(12),
         'weight="chance", alike={"colour": 1}, apart=2, again=True',
         factors=ONE,
         repetitions=60,
     )
-    trials = shown(made)
+    trials = shown(study_experiment)
     counts = Counter(t["item"] for t in trials)
     assert {f"thing{k}" for k in range(8)} == set(counts)
     assert all(a["colour"] != b["colour"] for a, b in pairwise(trials))
@@ -167,13 +167,13 @@ def test_weights_are_chances_and_limits_hold(tmp_path: Path) -> None:
 
 
 def test_shown_anew_means_all_before_any_again(tmp_path: Path) -> None:
-    made = experiment(tmp_path, things(4), "again=True", factors=ONE, repetitions=12)
-    assert {3} == set(Counter(t["item"] for t in shown(made)).values())
+    study_experiment = experiment(tmp_path, things(4), "again=True", factors=ONE, repetitions=12)
+    assert {3} == set(Counter(t["item"] for t in shown(study_experiment)).values())
 
 
 def test_a_limit_on_a_factor_holds_in_the_order_of_trials(tmp_path: Path) -> None:
-    made = experiment(tmp_path, things(12), 'alike={"mood": 1}')
-    assert all(a["mood"] != b["mood"] for a, b in pairwise(shown(made)))
+    study_experiment = experiment(tmp_path, things(12), 'alike={"mood": 1}')
+    assert all(a["mood"] != b["mood"] for a, b in pairwise(shown(study_experiment)))
 
 
 @pytest.mark.parametrize(
@@ -190,9 +190,9 @@ def test_a_limit_on_a_factor_holds_in_the_order_of_trials(tmp_path: Path) -> Non
 def test_too_few_items_and_limits_that_cannot_hold_are_told(
     options: str, repetitions: int, says: str, tmp_path: Path
 ) -> None:
-    made = experiment(tmp_path, things(12), options, repetitions=repetitions)
+    study_experiment = experiment(tmp_path, things(12), options, repetitions=repetitions)
     with pytest.raises(DesignError, match=says):
-        made.plan(0, 1)
+        study_experiment.plan(0, 1)
 
 
 @pytest.mark.parametrize(

@@ -42,45 +42,45 @@ def on_between(*spans_ms: tuple[float, float]) -> Any:
 
 def test_two_looks_and_a_glance_become_two_fixations_and_a_glance() -> None:
     targets, row = measured("D", on_between((500, 800), (1500, 1600), (2000, 2500)))
-    found = trial_measures(targets, row)
+    measures = trial_measures(targets, row)
 
-    assert pytest.approx(900, abs=3 * STEP_MS) == found["dwell_ms"]
-    assert pytest.approx(800, abs=3 * STEP_MS) == found["dwell_in_fixations_ms"]
-    assert (2, 1) == (found["fixation_count"], found["glance_count"])
-    assert pytest.approx(500, abs=STEP_MS) == found["first_fixation_time_ms"]
-    assert pytest.approx(300, abs=STEP_MS) == found["first_fixation_duration_ms"]
-    assert pytest.approx(2000, abs=STEP_MS) == found["second_fixation_time_ms"]
-    assert pytest.approx(500, abs=STEP_MS) == found["second_fixation_duration_ms"]
-    assert pytest.approx(480, abs=1) == found["gaze_samples"]
+    assert pytest.approx(900, abs=3 * STEP_MS) == measures["dwell_ms"]
+    assert pytest.approx(800, abs=3 * STEP_MS) == measures["dwell_in_fixations_ms"]
+    assert (2, 1) == (measures["fixation_count"], measures["glance_count"])
+    assert pytest.approx(500, abs=STEP_MS) == measures["first_fixation_time_ms"]
+    assert pytest.approx(300, abs=STEP_MS) == measures["first_fixation_duration_ms"]
+    assert pytest.approx(2000, abs=STEP_MS) == measures["second_fixation_time_ms"]
+    assert pytest.approx(500, abs=STEP_MS) == measures["second_fixation_duration_ms"]
+    assert pytest.approx(480, abs=1) == measures["gaze_samples"]
 
 
 def test_agent_never_looked_at_has_no_dwell_and_no_fixation_times() -> None:
-    found = trial_measures(*measured("D", lambda _: OTHER))
+    measures = trial_measures(*measured("D", lambda _: OTHER))
 
-    assert (0.0, 0) == (found["dwell_ms"], found["fixation_count"])
-    assert found["first_fixation_time_ms"] is None
-    assert found["second_fixation_duration_ms"] is None
+    assert (0.0, 0) == (measures["dwell_ms"], measures["fixation_count"])
+    assert measures["first_fixation_time_ms"] is None
+    assert measures["second_fixation_duration_ms"] is None
 
 
 def test_trial_without_gaze_is_lost_and_has_zero_dwell() -> None:
-    found = trial_measures(*measured("AD", lambda _: -2))
+    measures = trial_measures(*measured("AD", lambda _: -2))
 
-    assert (1.0, 0.0, 0) == (found["lost_01"], found["dwell_ms"], found["fixation_count"])
-    assert found["first_fixation_time_ms"] is None
+    assert (1.0, 0.0, 0) == (measures["lost_01"], measures["dwell_ms"], measures["fixation_count"])
+    assert measures["first_fixation_time_ms"] is None
 
 
 def test_parts_exist_only_where_a_gaze_changed_and_sum_to_the_whole() -> None:
     static = trial_measures(*measured("D", on_between((500, 800))))
     targets, row = measured("AD", on_between((500, 800), (2000, 2500)))
-    found = trial_measures(targets, row)
+    measures = trial_measures(targets, row)
 
     assert static["before_dwell_ms"] is None
     assert static["after_fixation_count"] is None
-    parts = float(found["before_dwell_ms"]) + float(found["after_dwell_ms"])  # type: ignore[arg-type]
-    assert pytest.approx(found["dwell_ms"], abs=1e-6) == parts
+    parts = float(measures["before_dwell_ms"]) + float(measures["after_dwell_ms"])  # type: ignore[arg-type]
+    assert pytest.approx(measures["dwell_ms"], abs=1e-6) == parts
     # The change comes with the first sample of the look, so most of it lies after.
-    assert 0 < float(found["before_dwell_ms"]) < 40  # type: ignore[arg-type]
-    assert 2 == found["after_fixation_count"]
+    assert 0 < float(measures["before_dwell_ms"]) < 40  # type: ignore[arg-type]
+    assert 2 == measures["after_fixation_count"]
 
 
 def test_samples_of_neighbouring_trials_do_not_count() -> None:
@@ -104,10 +104,10 @@ def test_raw_ray_needs_the_ray_on_the_head_and_padding_does_not() -> None:
     angle = targets.angle_deg.copy()
     on = targets.hit == ACTIVE
     angle[on, ACTIVE] = targets.radius_deg[on, ACTIVE] + 0.5
-    found = trial_measures(replace(shifted, angle_deg=angle), row)
+    measures = trial_measures(replace(shifted, angle_deg=angle), row)
 
-    assert 0.0 == found["raw_dwell_ms"]
-    assert pytest.approx(500, abs=STEP_MS) == found["dwell_ms"]
+    assert 0.0 == measures["raw_dwell_ms"]
+    assert pytest.approx(500, abs=STEP_MS) == measures["dwell_ms"]
 
 
 def test_sensitivity_table_varies_padding_and_minimum_duration() -> None:
@@ -123,13 +123,16 @@ def test_sensitivity_table_varies_padding_and_minimum_duration() -> None:
 
 def test_second_view_counts_fixations_everywhere_and_on_the_active_agent() -> None:
     targets, row = measured("D", on_between((1000, 1500), (2500, 3200)))
-    found = second_view(targets, row)
+    measures = second_view(targets, row)
 
-    assert (5, 2) == (found["ivt_fixation_count"], found["ivt_on_active_count"])
-    assert (5, 2) == (found["idt_fixation_count"], found["idt_on_active_count"])
-    assert pytest.approx(800, rel=0.1) == found["ivt_mean_fixation_ms"]
-    assert (5, 2) == (found["adaptive_fixation_count"], found["adaptive_on_active_count"])
-    assert (4, "engbert_kliegl") == (found["adaptive_saccade_count"], found["adaptive_detector"])
+    assert (5, 2) == (measures["ivt_fixation_count"], measures["ivt_on_active_count"])
+    assert (5, 2) == (measures["idt_fixation_count"], measures["idt_on_active_count"])
+    assert pytest.approx(800, rel=0.1) == measures["ivt_mean_fixation_ms"]
+    assert (5, 2) == (measures["adaptive_fixation_count"], measures["adaptive_on_active_count"])
+    assert (4, "engbert_kliegl") == (
+        measures["adaptive_saccade_count"],
+        measures["adaptive_detector"],
+    )
 
 
 def test_second_view_counts_rests_two_degrees_apart_one_by_one() -> None:
@@ -157,11 +160,11 @@ def test_head_that_carries_a_resting_eye_makes_no_saccade() -> None:
 
 
 def test_second_view_of_a_lost_trial_has_no_fixations_and_no_mean() -> None:
-    found = second_view(*measured("D", lambda _: -2))
+    measures = second_view(*measured("D", lambda _: -2))
 
-    assert (0, None) == (found["ivt_fixation_count"], found["ivt_mean_fixation_ms"])
-    assert (0, None) == (found["idt_fixation_count"], found["idt_mean_fixation_ms"])
-    assert (0, 0) == (found["adaptive_fixation_count"], found["adaptive_saccade_count"])
+    assert (0, None) == (measures["ivt_fixation_count"], measures["ivt_mean_fixation_ms"])
+    assert (0, None) == (measures["idt_fixation_count"], measures["idt_mean_fixation_ms"])
+    assert (0, 0) == (measures["adaptive_fixation_count"], measures["adaptive_saccade_count"])
 
 
 def test_repeated_rows_change_nothing_but_their_count() -> None:

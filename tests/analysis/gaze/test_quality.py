@@ -124,41 +124,41 @@ def test_gaze_frozen_for_100_ms_is_lost_and_reported(rows, frozen):
     assert frozen == frozen_samples(t, gaze).sum()
     usable = usable_samples(t, gaze)
     assert 100 - frozen == usable.sum()
-    found = loss(t, gaze, usable, nominal_rate_hz=120.0)
-    assert (frozen, pytest.approx(frozen / 100)) == (found.frozen, found.lost_01)
+    data_loss = loss(t, gaze, usable, nominal_rate_hz=120.0)
+    assert (frozen, pytest.approx(frozen / 100)) == (data_loss.frozen, data_loss.lost_01)
 
 
 def test_loss_sees_rows_that_never_came():
     keep = np.r_[0:60, 90:120]
     gaze, t = steady(120, 0.1)[keep], stamps(120)[keep]
-    found = loss(t, gaze, np.ones(90, bool), nominal_rate_hz=120.0)
-    assert (0.0, near(0.25)) == (found.invalid_rows_01, found.lost_01)
+    data_loss = loss(t, gaze, np.ones(90, bool), nominal_rate_hz=120.0)
+    assert (0.0, near(0.25)) == (data_loss.invalid_rows_01, data_loss.lost_01)
     assert (near(90.0, 1e-3), near(250.0, 1e-3), 1) == (
-        found.effective_rate_hz,
-        found.longest_gap_ms,
-        found.gaps,
+        data_loss.effective_rate_hz,
+        data_loss.longest_gap_ms,
+        data_loss.gaps,
     )
-    assert 1.0 == found.blink_gaps_01
+    assert 1.0 == data_loss.blink_gaps_01
 
 
 def test_repeats_are_counted():
     rows = np.r_[0:50, 49, 50:100]
     gaze = steady(100, 0.1)
     gaze[71] = gaze[70]
-    found = loss(stamps(100)[rows], gaze[rows], np.ones(101, bool), nominal_rate_hz=120.0)
-    assert (1, 1, 100) == (found.repeated_stamps, found.repeated_values, found.usable)
+    data_loss = loss(stamps(100)[rows], gaze[rows], np.ones(101, bool), nominal_rate_hz=120.0)
+    assert (1, 1, 100) == (data_loss.repeated_stamps, data_loss.repeated_values, data_loss.usable)
 
 
 def test_rate_comes_from_first_and_last_stamp():
     uneven = np.cumsum(np.tile([7_979_000, 7_979_000, 9_042_000], 200))
     gaze = steady(600, 0.1)
-    found = loss(uneven, gaze, np.ones(600, bool), nominal_rate_hz=120.0)
-    assert pytest.approx(120.0, abs=0.1) == found.rate_hz
+    data_loss = loss(uneven, gaze, np.ones(600, bool), nominal_rate_hz=120.0)
+    assert pytest.approx(120.0, abs=0.1) == data_loss.rate_hz
 
 
 def test_no_samples_have_no_loss_and_backward_stamps_are_refused():
-    found = loss(stamps(0), np.zeros((0, 3)), np.zeros(0, bool), nominal_rate_hz=120.0)
-    assert np.isnan(found.lost_01)
+    data_loss = loss(stamps(0), np.zeros((0, 3)), np.zeros(0, bool), nominal_rate_hz=120.0)
+    assert np.isnan(data_loss.lost_01)
     with pytest.raises(UsageError, match="go back"):
         loss(stamps(3)[::-1], steady(3), np.ones(3, bool), nominal_rate_hz=120.0)
 

@@ -14,13 +14,13 @@ AIMS = [np.tile(direction_from_yaw_pitch_deg(yaw, pitch), (30, 1)) for _, yaw, p
 def gaze_at(matrix, *, noise_deg=0.5, seed=1):
     """Return thirty samples at each target, turned by a matrix."""
     rng = np.random.default_rng(seed)
-    found = []
+    directions = []
     for aim in AIMS:
         off = Rotation.from_rotvec(np.radians(rng.normal(0, noise_deg, 3))).as_matrix()
         samples = aim @ (off @ matrix).T
         samples[::7] = np.nan
-        found.append(samples)
-    return found
+        directions.append(samples)
+    return directions
 
 
 @pytest.mark.parametrize(
@@ -31,31 +31,31 @@ def gaze_at(matrix, *, noise_deg=0.5, seed=1):
     ],
 )
 def test_mirrored_gaze_is_named_with_its_axis(matrix, across):
-    found = turned_gaze(AIMS, gaze_at(matrix))
+    directions = turned_gaze(AIMS, gaze_at(matrix))
 
-    assert (found.kind, found.mirrored_across) == ("mirrored", across)
-    assert f"gaze is mirrored ({across} exchanged)" in found.sentence()
+    assert (directions.kind, directions.mirrored_across) == ("mirrored", across)
+    assert f"gaze is mirrored ({across} exchanged)" in directions.sentence()
 
 
 @pytest.mark.parametrize("roll_deg", [25.0, -90.0, 180.0])
 def test_gaze_rotated_about_the_line_of_sight_is_named_with_its_angle(roll_deg):
     roll = Rotation.from_euler("z", roll_deg, degrees=True).as_matrix()
 
-    found = turned_gaze(AIMS, gaze_at(roll))
+    directions = turned_gaze(AIMS, gaze_at(roll))
 
-    assert found.kind == "rolled"
-    assert abs(abs(found.roll_deg) - abs(roll_deg)) < 3.0
-    assert "about the line of sight" in found.sentence()
+    assert directions.kind == "rolled"
+    assert abs(abs(directions.roll_deg) - abs(roll_deg)) < 3.0
+    assert "about the line of sight" in directions.sentence()
 
 
 def test_a_camera_that_looks_down_on_the_head_is_told_as_a_shift():
     down = Rotation.from_euler("x", -12.0, degrees=True).as_matrix()
 
-    found = turned_gaze(AIMS, gaze_at(down))
+    directions = turned_gaze(AIMS, gaze_at(down))
 
-    assert found.kind == "shifted"
-    assert abs(found.up_deg + 12.0) < 1.0
-    assert "too low" in found.sentence()
+    assert directions.kind == "shifted"
+    assert abs(directions.up_deg + 12.0) < 1.0
+    assert "too low" in directions.sentence()
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -42,9 +42,9 @@ def test_a_figure_is_the_same_file_before_and_after_it_was_written_in_another_fo
 
 
 def test_writing_twice_gives_the_same_bytes():
-    drawn = figure_of()
+    drawing = figure_of()
 
-    assert svg_for_page(drawn) == svg_for_page(drawn)
+    assert svg_for_page(drawing) == svg_for_page(drawing)
 
 
 def lines_of(*left_out: str):
@@ -70,19 +70,19 @@ def test_a_figure_that_hides_nothing_is_drawn_once_for_its_file_and_its_page(
         "savefig",
         lambda *a, format, **k: (forms.append(format), savefig(*a, format=format, **k)),
     )
-    drawn = lines_of(*left_out)
-    write_figure(drawn, tmp_path)
-    assert expected == svg_for_page(drawn)
+    drawing = lines_of(*left_out)
+    write_figure(drawing, tmp_path)
+    assert expected == svg_for_page(drawing)
     assert times == len(forms)
     assert "07K" not in (tmp_path / "lines.svg").read_text("utf-8")
 
 
 def test_what_was_changed_after_a_page_was_made_is_on_the_next_page():
-    drawn = figure_of()
-    svg_text(drawn)
-    svg_for_page(drawn)
-    drawn.figure.axes[0].set_xlabel("time (s)")
-    assert svg_for_page(figure_of()) != svg_for_page(drawn)
+    drawing = figure_of()
+    svg_text(drawing)
+    svg_for_page(drawing)
+    drawing.figure.axes[0].set_xlabel("time (s)")
+    assert svg_for_page(figure_of()) != svg_for_page(drawing)
 
 
 def test_simulated_figure_carries_the_watermark_and_a_real_one_does_not():
@@ -93,7 +93,7 @@ def test_simulated_figure_carries_the_watermark_and_a_real_one_does_not():
 
 @pytest.mark.parametrize(("width", "height"), [(4, 3), (9.6, 3.3), (3, 9)])
 def test_watermark_lies_within_the_figure(width, height):
-    drawn = draw(
+    drawing = draw(
         "w",
         lambda: new_figure(width, height),
         title="",
@@ -101,9 +101,9 @@ def test_watermark_lies_within_the_figure(width, height):
         alternative="",
         is_simulated=True,
     )
-    renderer = FigureCanvasAgg(drawn.figure).get_renderer()
-    box = drawn.figure.texts[0].get_window_extent(renderer)
-    size = drawn.figure.bbox
+    renderer = FigureCanvasAgg(drawing.figure).get_renderer()
+    box = drawing.figure.texts[0].get_window_extent(renderer)
+    size = drawing.figure.bbox
 
     assert box.x0 >= 0
     assert box.y0 >= 0

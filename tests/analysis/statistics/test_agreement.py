@@ -85,10 +85,10 @@ def test_what_cannot_be_compared_is_refused() -> None:
 
 
 def test_equal_pairs_are_left_out_and_told() -> None:
-    made = sign_test([1.0, 2, 3, 4], [0.0, 2, 1, 9])
-    assert (2, 3) == (made.hits, made.n)
-    assert ("1 of 4 equal, left out",) == made.provenance.notes
-    assert made.p == binomial_test(2, 3).p
+    result = sign_test([1.0, 2, 3, 4], [0.0, 2, 1, 9])
+    assert (2, 3) == (result.hits, result.n)
+    assert ("1 of 4 equal, left out",) == result.provenance.notes
+    assert result.p == binomial_test(2, 3).p
     assert 3 == sign_test_of_one([0.3 - 0.1, 0.9, 0.7, 0.8], mu=0.2).hits
 
 
@@ -119,8 +119,8 @@ def test_agreement_at_the_bound_is_found_above_it_as_often_as_it_may() -> None:
         single = 1 / (1 + 0.49 + 1)
         true = {"ICC1": 0.5, "ICC2": single, "ICC3": 0.5, "ICC2k": 6 * single / (1 + 5 * single)}
         for kind, bound in true.items():
-            made = icc(alone if kind == "ICC1" else table, above=bound)
-            found[kind] += next(one for one in made if one.kind == kind).p_above < 0.05
+            result = icc(alone if kind == "ICC1" else table, above=bound)
+            found[kind] += next(one for one in result if one.kind == kind).p_above < 0.05
     for count in found.values():
         assert 0.02 < count / studies < 0.08
     with pytest.raises(errors.UnknownMethod, match="below 1"):
@@ -132,14 +132,14 @@ def test_kappa_without_each_thing_is_that_of_the_others() -> None:
     good = rng.integers(0, 4, 14)
     table = np.clip(np.column_stack([good, good + rng.integers(-1, 2, 14)]), 0, 3).astype(float)
     for scale in ("nominal", "ordinal", "interval"):
-        made = cohen_kappa(table, scale=scale)
+        result = cohen_kappa(table, scale=scale)
         each = np.arctanh(
             [cohen_kappa(np.delete(table, i, 0), scale=scale).value for i in range(14)]
         )
         error = np.sqrt(13 / 14 * ((each - each.mean()) ** 2).sum())
         reach = stats.t.ppf(0.975, 13) * error
-        ends = np.tanh(np.arctanh(made.value) + reach * np.array([-1, 1]))
-        assert pytest.approx(ends) == (made.interval.low, made.interval.high)
+        ends = np.tanh(np.arctanh(result.value) + reach * np.array([-1, 1]))
+        assert pytest.approx(ends) == (result.interval.low, result.interval.high)
 
 
 def test_raters_who_always_agree_are_not_certain_to() -> None:

@@ -45,11 +45,11 @@ def choices(
 
 def test_an_ability_is_the_logit_of_the_share_where_two_are_compared() -> None:
     frame = choices(40, {"a": 0.0, "b": 0.8})
-    made = bradley_terry(frame, "y", **ROLES)
+    model = bradley_terry(frame, "y", **ROLES)
     won = sum((v > 0) == (f == "b") for v, f in zip(frame["y"], frame["first"], strict=True)) / len(
         frame["y"]
     )
-    a, b = (x.ability for x in made.abilities)
+    a, b = (x.ability for x in model.abilities)
     assert np.log(won / (1 - won)) == pytest.approx(b - a)
     assert 0.0 == pytest.approx(a + b)
 
@@ -60,15 +60,15 @@ def test_turning_all_pairs_round_changes_nothing_but_the_place(seed: int, has_ti
     frame = choices(12, seed=seed, tie=0.5 if has_ties else 0.0, place=0.3)
     turned = {**frame, "first": frame["second"], "second": frame["first"], "y": -frame["y"]}
     try:
-        made = bradley_terry(frame, "y", side=True, **ROLES)
+        model = bradley_terry(frame, "y", side=True, **ROLES)
     except errors.NotConverged:
         return
     again = bradley_terry(turned, "y", side=True, **ROLES)
-    assert [a.ability for a in made.abilities] == pytest.approx(
+    assert [a.ability for a in model.abilities] == pytest.approx(
         [a.ability for a in again.abilities], abs=1e-7
     )
-    assert made.effects[0].p == pytest.approx(again.effects[0].p, rel=1e-6)
-    assert made.first_place == pytest.approx(-(again.first_place or 0.0), abs=1e-7)
+    assert model.effects[0].p == pytest.approx(again.effects[0].p, rel=1e-6)
+    assert model.first_place == pytest.approx(-(again.first_place or 0.0), abs=1e-7)
 
 
 def test_people_who_like_different_things_do_not_make_an_effect() -> None:
@@ -86,10 +86,10 @@ def test_groups_that_like_opposite_things_are_told() -> None:
     other["who"] = np.array([f"T{w}" for w in other["who"]], dtype=object)
     one["g"][:], other["g"][:] = "young", "old"
     both = {k: np.concatenate([one[k], other[k]]) for k in one}
-    made = bradley_terry(both, "y", between="g", **ROLES)
-    assert ["first:second", "first:second:g"] == [e.name for e in made.effects]
-    assert made.effects[1].p < 0.01
-    assert made.effects[0].p > 0.05
+    model = bradley_terry(both, "y", between="g", **ROLES)
+    assert ["first:second", "first:second:g"] == [e.name for e in model.effects]
+    assert model.effects[1].p < 0.01
+    assert model.effects[0].p > 0.05
 
 
 def test_preferences_in_a_circle_do_not_fit_one_scale() -> None:
@@ -126,25 +126,25 @@ def test_a_missing_choice_is_an_error_or_left_out_and_told() -> None:
     frame["y"][4] = None
     with pytest.raises(errors.MissingValue, match="row 5"):
         bradley_terry(frame, "y", **ROLES)
-    made = bradley_terry(frame, "y", missing="listwise", **ROLES)
-    assert ("1 rows without y",) == made.provenance.dropped
+    model = bradley_terry(frame, "y", missing="listwise", **ROLES)
+    assert ("1 rows without y",) == model.provenance.dropped
     frame["second"][0] = frame["first"][0]
-    made = bradley_terry(frame, "y", missing="listwise", **ROLES)
-    assert "1 rows of an item beside itself" in made.provenance.dropped
+    model = bradley_terry(frame, "y", missing="listwise", **ROLES)
+    assert "1 rows of an item beside itself" in model.provenance.dropped
 
 
-def by_grid(frame: dict[str, Any], made: BradleyTerry, beta: np.ndarray) -> float:
+def by_grid(frame: dict[str, Any], model: BradleyTerry, beta: np.ndarray) -> float:
     """Return Davidson's log-likelihood of choices among a, b and c, by a grid over what people
     like: abilities of b and c above a, normal with the covariance estimated.
     """
     u = np.linspace(-6, 6, 121)
     first, second = (g.ravel() for g in np.meshgrid(u, u, indexing="ij"))
-    spread = made.model.spread
+    spread = model.model.spread
     if spread[0, 1] == 0 and spread[0, 0] == spread[1, 1]:  # one SD of each item's ability
         spread = spread[0, 0] * np.array([[2.0, 1.0], [1.0, 2.0]])
     own = np.linalg.cholesky(spread) @ np.stack([first, second])
     abilities = {"a": 0 * first, "b": beta[0] + own[0], "c": beta[1] + own[1]}
-    tie = beta[-1] if made.tie is not None else -np.inf
+    tie = beta[-1] if model.tie is not None else -np.inf
     weight = np.exp(-(first**2 + second**2) / 2) / (2 * np.pi) * (u[1] - u[0]) ** 2
     total = 0.0
     for who in np.unique(frame["who"]):
@@ -161,11 +161,11 @@ def by_grid(frame: dict[str, Any], made: BradleyTerry, beta: np.ndarray) -> floa
 @pytest.mark.parametrize("tie", [0.0, 0.7])
 def test_what_people_like_is_integrated_as_a_fine_grid_does(random: str, tie: float) -> None:
     frame = choices(16, seed=4, differ=0.8, tie=tie)
-    made = bradley_terry(frame, "y", random=random, nodes=21, **ROLES)
-    peak = by_grid(frame, made, made.model.beta)
-    assert peak == pytest.approx(made.model.log_likelihood, abs=1e-6)
-    for step in np.eye(made.model.beta.size) * 0.05:
-        assert peak > max(by_grid(frame, made, made.model.beta + sign * step) for sign in (-1, 1))
+    model = bradley_terry(frame, "y", random=random, nodes=21, **ROLES)
+    peak = by_grid(frame, model, model.model.beta)
+    assert peak == pytest.approx(model.model.log_likelihood, abs=1e-6)
+    for step in np.eye(model.model.beta.size) * 0.05:
+        assert peak > max(by_grid(frame, model, model.model.beta + sign * step) for sign in (-1, 1))
 
 
 def test_the_odds_of_a_person_are_larger_than_those_of_all() -> None:
@@ -189,12 +189,12 @@ def test_people_who_like_different_things_do_not_make_an_effect_by_likelihood_ei
 def test_which_item_comes_first_changes_nothing_for_people_who_differ() -> None:
     frame = choices(15, seed=6, differ=1.0, tie=0.5)
     for random in ("alike", "maximal"):
-        made, turned = (
+        model, turned = (
             bradley_terry(frame, "y", random=random, items=items, **ROLES)
             for items in ("abc", "cab")
         )
-        assert made.model.log_likelihood == pytest.approx(turned.model.log_likelihood, abs=1e-6)
-        assert made.effects[0].F == pytest.approx(turned.effects[0].F, rel=1e-4)
+        assert model.model.log_likelihood == pytest.approx(turned.model.log_likelihood, abs=1e-6)
+        assert model.effects[0].F == pytest.approx(turned.effects[0].F, rel=1e-4)
 
 
 def test_a_spread_that_cannot_be_told_is_refused() -> None:

@@ -36,9 +36,9 @@ def rated(frame: Frame) -> Frame:
 def test_any_rising_names_of_the_categories_give_the_same_tests() -> None:
     frame = rated(within_frame(1, 12))
     renamed = {**frame, "y": np.exp(frame["y"]) - 90}
-    made, other = (clmm(f, "y", **TWO) for f in (frame, renamed))
-    assert [e.F for e in made.effects] == pytest.approx([e.F for e in other.effects], rel=1e-6)
-    assert made.fit.log_likelihood == pytest.approx(other.fit.log_likelihood, abs=1e-8)
+    model, other = (clmm(f, "y", **TWO) for f in (frame, renamed))
+    assert [e.F for e in model.effects] == pytest.approx([e.F for e in other.effects], rel=1e-6)
+    assert model.fit.log_likelihood == pytest.approx(other.fit.log_likelihood, abs=1e-8)
 
 
 def test_a_scale_turned_round_turns_the_odds_ratio_round() -> None:
@@ -55,33 +55,33 @@ def test_a_scale_turned_round_turns_the_odds_ratio_round() -> None:
 def test_two_categories_of_two_groups_are_the_odds_of_their_counts() -> None:
     y = np.repeat([0.0, 1.0, 0.0, 1.0], [12, 8, 5, 15])
     frame = {"g": np.repeat(["a", "b"], 20), "y": y}
-    made = clmm(frame, "y", between=("g",))
+    model = clmm(frame, "y", between=("g",))
     expected = special.logit(8 / 20) - special.logit(15 / 20)
-    (pair,) = made.contrasts("g").contrasts
+    (pair,) = model.contrasts("g").contrasts
     assert expected == pytest.approx(pair.estimate, rel=1e-6)
     null = 40 * np.log(1) + 23 * np.log(23 / 40) + 17 * np.log(17 / 40)
     full = 8 * np.log(0.4) + 12 * np.log(0.6) + 15 * np.log(0.75) + 5 * np.log(0.25)
-    assert 2 * (full - null) == pytest.approx(made.effect("g").chi2, rel=1e-6)
-    assert "Cumulative link model (logit)" == made.provenance.test
+    assert 2 * (full - null) == pytest.approx(model.effect("g").chi2, rel=1e-6)
+    assert "Cumulative link model (logit)" == model.provenance.test
 
 
 def test_the_integral_over_people_is_the_one_that_a_fine_grid_gives() -> None:
     frame = rated(within_frame(3, 6, (1, 3)))
-    made = clmm(frame, "y", subject="subject", within=("B",))
-    assert made.fit.sigma > 0.1
+    model = clmm(frame, "y", subject="subject", within=("B",))
+    assert model.fit.sigma > 0.1
     u = np.linspace(-9, 9, 4001)
-    bounds = np.concatenate([[-np.inf], made.fit.thresholds, [np.inf]])
-    category = np.searchsorted(np.array(made.categories), np.asarray(frame["y"]))
-    beta = np.append(made.fit.beta, -made.fit.beta.sum())
+    bounds = np.concatenate([[-np.inf], model.fit.thresholds, [np.inf]])
+    category = np.searchsorted(np.array(model.categories), np.asarray(frame["y"]))
+    beta = np.append(model.fit.beta, -model.fit.beta.sum())
     total = 0.0
     for person in np.unique(frame["subject"]):
         product = np.exp(-(u**2) / 2) / np.sqrt(2 * np.pi)
         for i in np.flatnonzero(frame["subject"] == person):
-            eta = beta[int(frame["B"][i][1])] + made.fit.sigma * u
+            eta = beta[int(frame["B"][i][1])] + model.fit.sigma * u
             high, low = bounds[category[i] + 1] - eta, bounds[category[i]] - eta
             product = product * (special.expit(high) - special.expit(low))
         total += np.log(np.trapezoid(product, u))
-    assert total == pytest.approx(made.fit.log_likelihood, abs=1e-7)
+    assert total == pytest.approx(model.fit.log_likelihood, abs=1e-7)
 
 
 def _people_who_differ(rng: np.random.Generator) -> dict[str, Any]:
@@ -128,9 +128,9 @@ def test_measures_and_designs_without_factors_are_refused() -> None:
 
 def test_lost_ratings_are_left_out_when_asked() -> None:
     frame = changed(rated(within_frame(1, 10)), "y", 4, float("nan"))
-    made = clmm(frame, "y", missing="mixed", **TWO)
-    assert 59 == made.design.y.size
-    assert np.isfinite([e.F for e in made.effects]).all()
+    model = clmm(frame, "y", missing="mixed", **TWO)
+    assert 59 == model.design.y.size
+    assert np.isfinite([e.F for e in model.effects]).all()
 
 
 def slopes_frame(seed: int, n: int = 20, trials: int = 4) -> Frame:
@@ -168,13 +168,13 @@ def people_by_grid(y: Codes, eta: Array, Z: Array, subject: Codes, fit: Cumulati
 
 def test_quadrature_over_slopes_is_the_integral_that_a_fine_grid_gives() -> None:
     frame = slopes_frame(1, 8, 2)
-    made = clmm(frame, "y", subject="s", within=("A",), random="A", nodes=21)
-    y = np.asarray(frame["y"], dtype=np.intp) - int(min(made.categories))
+    model = clmm(frame, "y", subject="s", within=("A",), random="A", nodes=21)
+    y = np.asarray(frame["y"], dtype=np.intp) - int(min(model.categories))
     a = np.where(np.asarray(frame["A"]) == "a0", 1.0, -1.0)
     Z = np.stack([np.ones(a.size), a], axis=1)
     subject = np.unique(np.asarray(frame["s"]), return_inverse=True)[1]
-    expected = people_by_grid(y, a * made.fit.beta[0], Z, subject, made.fit)
-    assert expected == pytest.approx(made.fit.log_likelihood, abs=1e-6)
+    expected = people_by_grid(y, a * model.fit.beta[0], Z, subject, model.fit)
+    assert expected == pytest.approx(model.fit.log_likelihood, abs=1e-6)
 
 
 def test_more_nodes_bring_laplace_to_the_same_estimates_where_people_answer_often() -> None:
@@ -218,13 +218,13 @@ def test_the_order_of_levels_and_people_changes_no_slope() -> None:
     frame = slopes_frame(3, 10)
     order = np.random.default_rng(0).permutation(len(frame["y"]))
     turned = {name: np.asarray(values)[order] for name, values in frame.items()}
-    made, other = (
+    model, other = (
         clmm(f, "y", subject="s", within=("A", "B"), random="A+B", levels=levels)
         for f, levels in ((frame, None), (turned, {"B": ["b2", "b0", "b1"]}))
     )
-    assert made.fit.log_likelihood == pytest.approx(other.fit.log_likelihood, abs=1e-6)
-    assert made.effect("B").F == pytest.approx(other.effect("B").F, rel=1e-4)
-    (said,) = (n for n in made.provenance.notes if "effect of B" in n)
+    assert model.fit.log_likelihood == pytest.approx(other.fit.log_likelihood, abs=1e-6)
+    assert model.effect("B").F == pytest.approx(other.effect("B").F, rel=1e-4)
+    (said,) = (n for n in model.provenance.notes if "effect of B" in n)
     (again,) = (n for n in other.provenance.notes if "effect of B" in n)
     assert sorted(said.split(": ")[1].removesuffix(" (logit scale)").split("; ")) == sorted(
         again.split(": ")[1].removesuffix(" (logit scale)").split("; ")
@@ -245,6 +245,6 @@ def test_slopes_that_cannot_be_told_are_refused() -> None:
 
 
 def test_the_maximal_model_leaves_out_the_interaction_that_single_ratings_do_not_tell() -> None:
-    made = clmm(slopes_frame(6, 24, 1), "y", subject="s", within=("A", "B"), random="maximal")
-    assert "slopes of A and B per s" in made.provenance.error_term
-    assert (4, 4) == made.fit.spread.shape
+    model = clmm(slopes_frame(6, 24, 1), "y", subject="s", within=("A", "B"), random="maximal")
+    assert "slopes of A and B per s" in model.provenance.error_term
+    assert (4, 4) == model.fit.spread.shape

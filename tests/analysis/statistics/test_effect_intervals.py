@@ -48,19 +48,19 @@ def trials() -> Frame:
 @pytest.mark.usefixtures("normal_tails")
 def test_a_contrast_of_a_mixed_model_is_d_by_the_total_sd_that_lme4_finds() -> None:
     """R: `lmer(y ~ A + (1 + A | s))`, sum coded; SD from VarCorr and sigma, bounds from pt."""
-    made = linear_mixed(trials(), "y", subject="s", within=("A",))
-    assert "maximal" == made.random
-    (pair,) = made.contrasts("A").contrasts
+    result = linear_mixed(trials(), "y", subject="s", within=("A",))
+    assert "maximal" == result.random
+    (pair,) = result.contrasts("A").contrasts
     assert [-0.20562920, -0.60085683, 0.19712512] == pytest.approx(ends(pair.effect), abs=2e-5)
     assert "d_total = −0.21, 95% CI [−0.60, 0.20]" in pair.sentence()
 
 
 @pytest.mark.usefixtures("normal_tails")
 def test_components_of_variance_add_up_to_the_total_sd() -> None:
-    made = linear_mixed(within_frame(1, 12), "y", random="components", **TWO)
-    assert made.model is not None
-    sd = np.sqrt(sum(made.model.parameters.values()))
-    for pair in made.contrasts("B").contrasts:
+    result = linear_mixed(within_frame(1, 12), "y", random="components", **TWO)
+    assert result.model is not None
+    sd = np.sqrt(sum(result.model.parameters.values()))
+    for pair in result.contrasts("B").contrasts:
         assert noncentral(pair.t, pair.df, pair.se / sd) == pytest.approx(
             ends(pair.effect), abs=1e-6
         )
@@ -70,11 +70,11 @@ def test_components_of_variance_add_up_to_the_total_sd() -> None:
 def test_scores_in_estimating_equations_have_d_by_the_pooled_sd_of_their_conditions() -> None:
     frame = within_frame(2, 12, (2, 2))
     frame = rows(frame, frame["B"] == "b0")
-    made = gee(frame, "y", subject="subject", within=("A",))
+    result = gee(frame, "y", subject="subject", within=("A",))
     x, z = (frame["y"][frame["A"] == level] for level in ("a0", "a1"))
     sd = np.sqrt((x.var(ddof=1) + z.var(ddof=1)) / 2)
-    (effect,) = made.effects
-    (pair,) = made.contrasts("A").contrasts
+    (effect,) = result.effects
+    (pair,) = result.contrasts("A").contrasts
     assert noncentral(pair.t, 11, pair.se / sd) == pytest.approx(ends(effect.effect), abs=1e-6)
     assert (x.mean() - z.mean()) / sd == pytest.approx(ends(pair.effect)[0])
     assert pair.effect == effect.effect
@@ -89,7 +89,7 @@ def test_a_term_of_one_df_has_the_ratio_that_treatment_coding_gives(family: str)
         if family == "poisson"
         else (np.asarray(frame["y"]) > 0.5).astype(float)
     )
-    made = gee(frame, "y", family=family, **TWO)
+    result = gee(frame, "y", family=family, **TWO)
     a, b = (frame["A"] == "a0").astype(float), (frame["B"] == "b0").astype(float)
     fit = sm.GEE(
         frame["y"],
@@ -100,25 +100,25 @@ def test_a_term_of_one_df_has_the_ratio_that_treatment_coding_gives(family: str)
     ).fit(cov_type="bias_reduced", ctol=1e-10, maxiter=200, ddof_scale=0)
     reach = stats.t.ppf(0.975, 15) * fit.bse[3]
     expected = np.exp([fit.params[3], fit.params[3] - reach, fit.params[3] + reach])
-    effect = made.effect("A:B")
+    effect = result.effect("A:B")
     assert ends(effect.effect) == pytest.approx(expected, rel=1e-5)
     ratio = {"binomial": "odds ratios", "poisson": "rate ratios"}[family]
     assert f"ratio of {ratio} = " in effect.sentence()
     assert effect.sentence().endswith("(a0 − a1, b0 − b1)")
-    (pair,) = made.contrasts("A").contrasts
-    assert made.effect("A").effect == pair.effect
-    assert "a0 − a1" == made.effect("A").row()["contrast"]
+    (pair,) = result.contrasts("A").contrasts
+    assert result.effect("A").effect == pair.effect
+    assert "a0 − a1" == result.effect("A").row()["contrast"]
 
 
 def test_terms_of_several_df_say_that_they_have_no_effect_size() -> None:
     frame = within_frame(1, 12)
     frame["r"] = np.clip(np.round(np.asarray(frame["y"]) + 2.6), 1, 5)
-    for made in (gee(frame, "y", **TWO), clmm(frame, "r", **TWO)):
-        several = made.effect("B")
+    for result in (gee(frame, "y", **TWO), clmm(frame, "r", **TWO)):
+        several = result.effect("B")
         assert several.effect is None
         assert "no effect size for 2 df together" in several.sentence()
         assert several.row()["effect_size"] is None
-        assert "no effect size" not in made.effect("A").sentence()
+        assert "no effect size" not in result.effect("A").sentence()
 
 
 def test_an_interaction_of_ratings_has_the_ratio_of_odds_ratios_that_r_finds() -> None:
@@ -150,13 +150,13 @@ def test_two_items_have_the_odds_of_their_counts_also_turned_round() -> None:
         "second": ["v"] * 30,
         "y": vote,
     }
-    made = bradley_terry(frame, "y", first="first", second="second", subject="who")
+    result = bradley_terry(frame, "y", first="first", second="second", subject="who")
     reach = stats.t.ppf(0.975, 29) * np.sqrt((1 / 21 + 1 / 9) * 30 / 29)
     expected = 21 / 9 * np.exp([0, -reach, reach])
-    assert expected == pytest.approx(ends(made.effects[0].effect), rel=1e-5)
-    assert "odds = 2.33" in made.effects[0].sentence()
-    assert "(u − v)" in made.effects[0].sentence()
-    back = made.contrasts().contrast("v", "u")
+    assert expected == pytest.approx(ends(result.effects[0].effect), rel=1e-5)
+    assert "odds = 2.33" in result.effects[0].sentence()
+    assert "(u − v)" in result.effects[0].sentence()
+    back = result.contrasts().contrast("v", "u")
     assert 1 / expected[[0, 2, 1]] == pytest.approx(ends(back.effect), rel=1e-5)
 
 
@@ -169,11 +169,11 @@ def test_groups_of_choosers_have_the_ratio_of_their_odds() -> None:
         "y": vote,
         "g": ["a"] * 25 + ["b"] * 25,
     }
-    made = bradley_terry(frame, "y", first="first", second="second", subject="who", between="g")
+    result = bradley_terry(frame, "y", first="first", second="second", subject="who", between="g")
     reach = stats.t.ppf(0.975, 48) * np.sqrt((1 / 16 + 1 / 9 + 1 / 10 + 1 / 15) * 50 / 48)
     expected = 16 / 9 * 15 / 10 * np.exp([0, -reach, reach])
-    assert expected == pytest.approx(ends(made.effects[1].effect), rel=1e-5)
-    assert "(u − v, a − b)" in made.effects[1].sentence()
+    assert expected == pytest.approx(ends(result.effects[1].effect), rel=1e-5)
+    assert "(u − v, a − b)" in result.effects[1].sentence()
 
 
 def matched(differences: np.ndarray) -> float:
@@ -191,16 +191,16 @@ def aligned_means(frame: Frame, factor: str) -> pd.DataFrame:
     return table.pivot_table(index="subject", columns=factor, values="rank")
 
 
-def of(made: Contrasts, *pairs: tuple[str, str]) -> Effect | None:
+def of(result: Contrasts, *pairs: tuple[str, str]) -> Effect | None:
     """Return the effect of the contrast of these pairs."""
-    return next(c.effect for c in made.contrasts if c.pairs == pairs)
+    return next(c.effect for c in result.contrasts if c.pairs == pairs)
 
 
 def test_a_contrast_of_aligned_ranks_has_the_rank_biserial_of_peoples_mean_ranks() -> None:
     frame = within_frame(4, 13)
-    made = statistics.art_contrasts(statistics.art_anova(frame, "y", **TWO), "B")
+    result = statistics.art_contrasts(statistics.art_anova(frame, "y", **TWO), "B")
     means = aligned_means(frame, "B")
-    for pair in made.contrasts:
+    for pair in result.contrasts:
         ((a, b),) = pair.pairs
         assert matched((means[a] - means[b]).to_numpy()) == pytest.approx(ends(pair.effect)[0])
         beside = statistics.wilcoxon_signed_rank(means[a].round(8), means[b].round(8))
@@ -211,13 +211,13 @@ def test_a_contrast_of_aligned_ranks_has_the_rank_biserial_of_peoples_mean_ranks
 def test_a_double_difference_of_aligned_ranks_has_the_rank_biserial_of_people() -> None:
     frame = within_frame(4, 13)
     art = statistics.art_anova(frame, "y", **TWO)
-    made = statistics.art_interaction_contrasts(art, "A:B")
+    result = statistics.art_interaction_contrasts(art, "A:B")
     assert art.ranks is not None
     table = pd.DataFrame({**frame, "rank": art.ranks["A:B"]})
     cells = table.pivot_table(index="subject", columns=["A", "B"], values="rank")
     double = cells["a0", "b0"] - cells["a1", "b0"] - cells["a0", "b2"] + cells["a1", "b2"]
-    found = of(made, ("a0", "a1"), ("b0", "b2"))
-    assert matched(double.to_numpy()) == pytest.approx(ends(found)[0])
+    effect_size = of(result, ("a0", "a1"), ("b0", "b2"))
+    assert matched(double.to_numpy()) == pytest.approx(ends(effect_size)[0])
 
 
 def test_aligned_ranks_of_groups_have_the_rank_biserial_of_two_groups() -> None:
@@ -227,8 +227,8 @@ def test_aligned_ranks_of_groups_have_the_rank_biserial_of_two_groups() -> None:
     table = pd.DataFrame({**frame, "main": art.ranks["G"], "both": art.ranks["G:B"]})
     means = table.groupby(["G", "subject"])["main"].mean().round(8)
     U = stats.mannwhitneyu(means["g0"], means["g1"]).statistic
-    found = statistics.art_contrasts(art, "G")
-    assert 2 * U / 48 - 1 == pytest.approx(ends(found.contrasts[0].effect)[0])
+    contrasts = statistics.art_contrasts(art, "G")
+    assert 2 * U / 48 - 1 == pytest.approx(ends(contrasts.contrasts[0].effect)[0])
     cells = table.pivot_table(index=["G", "subject"], columns="B", values="both")
     change = (cells["b0"] - cells["b1"]).round(8)
     U = stats.mannwhitneyu(change["g0"], change["g1"]).statistic
@@ -239,8 +239,8 @@ def test_aligned_ranks_of_groups_have_the_rank_biserial_of_two_groups() -> None:
 def test_joined_cells_are_matched_within_a_group_and_apart_between_groups() -> None:
     frame = mixed_frame(3, (6, 8))
     art = statistics.art_anova(frame, "y", subject="subject", within=("B",), between=("G",))
-    made = statistics.art_contrasts(art, "G:B")
-    people = {c.label: c.effect for c in made.contrasts}
+    result = statistics.art_contrasts(art, "G:B")
+    people = {c.label: c.effect for c in result.contrasts}
     assert 15 == len(people)
     assert art.aligned is not None
     joint = join_factors(art.design, ("G", "B"))
@@ -262,8 +262,8 @@ def test_people_without_a_cell_are_compared_where_they_have_both_levels() -> Non
     table = pd.DataFrame({**kept, "rank": art.ranks["B"]})
     cells = table.pivot_table(index="subject", columns=["B", "A"], values="rank")
     per_cell = pd.DataFrame({a: cells["b0", a] - cells["b1", a] for a in ("a0", "a1")})
-    found = of(statistics.art_contrasts(art, "B"), ("b0", "b1"))
-    assert matched(per_cell.mean(axis=1).round(8).to_numpy()) == pytest.approx(ends(found)[0])
+    effect_size = of(statistics.art_contrasts(art, "B"), ("b0", "b1"))
+    assert matched(per_cell.mean(axis=1).round(8).to_numpy()) == pytest.approx(ends(effect_size)[0])
 
 
 def test_double_differences_of_groups_and_groups_of_two_say_that_they_have_no_effect_size() -> None:
@@ -282,7 +282,7 @@ def test_double_differences_of_groups_and_groups_of_two_say_that_they_have_no_ef
 @pytest.mark.usefixtures("normal_tails")
 def test_contrasts_beside_groups_have_dz_by_the_spread_within_groups() -> None:
     frame = pd.DataFrame(mixed_frame(3, (6, 8)))
-    made = statistics.posthoc(
+    result = statistics.posthoc(
         statistics.rm_anova(frame, "y", subject="subject", within=("B",), between=("G",)), "B"
     )
     wide = frame.pivot_table(index=["G", "subject"], columns="B", values="y")
@@ -291,5 +291,5 @@ def test_contrasts_beside_groups_have_dz_by_the_spread_within_groups() -> None:
     sd = np.sqrt((groups.var() * (groups.size() - 1)).sum() / 12)
     value = groups.mean().mean() / sd
     scale = np.sqrt(1 / 6 + 1 / 8) / 2
-    pair = made.contrast("b0", "b1")
+    pair = result.contrast("b0", "b1")
     assert noncentral(value / scale, 12, scale) == pytest.approx(ends(pair.effect), abs=1e-6)

@@ -180,11 +180,11 @@ def test_epsilon_squared_is_eta_squared_of_the_ranks() -> None:
     y[g == "c"] += 0.5 * (y[g == "c"] > 15)  # still no ties
     ranks = np.argsort(np.argsort(y)) + 1.0
     of_ranks = statistics.oneway_anova({"y": ranks, "g": g}, "y", factor="g")
-    found = statistics.kruskal_wallis({"y": y, "g": g}, "y", factor="g")
+    outcome = statistics.kruskal_wallis({"y": y, "g": g}, "y", factor="g")
 
     assert of_ranks.eta is not None
-    assert of_ranks.eta.value == pytest.approx(found.epsilon2)
-    assert found.effect.interval is not None
+    assert of_ranks.eta.value == pytest.approx(outcome.epsilon2)
+    assert outcome.effect.interval is not None
 
 
 def test_kendalls_w_is_partial_eta_squared_of_the_ranks() -> None:
@@ -195,10 +195,12 @@ def test_kendalls_w_is_partial_eta_squared_of_the_ranks() -> None:
     of_ranks = statistics.rm_anova(
         {"s": s, "c": c, "y": ranks.ravel()}, "y", subject="s", within=("c",)
     ).effect("c")
-    found = statistics.friedman({"s": s, "c": c, "y": values.ravel()}, "y", subject="s", within="c")
+    outcome = statistics.friedman(
+        {"s": s, "c": c, "y": values.ravel()}, "y", subject="s", within="c"
+    )
 
-    assert of_ranks.eta.value == pytest.approx(found.kendall_w)
-    assert found.effect.interval is not None
+    assert of_ranks.eta.value == pytest.approx(outcome.kendall_w)
+    assert outcome.effect.interval is not None
 
 
 def test_conditions_follow_the_path_to_anova_or_friedman() -> None:
@@ -235,8 +237,8 @@ def test_contrasts_by_separate_variances_have_the_effect_of_their_two_groups() -
     a, b = (frame["y"][frame["g"] == name] for name in "ab")
     expected = statistics.independent_t(a, b).effect
     row = statistics.games_howell(frame, "y", factor="g").contrast("a", "b").row()
-    found = [row[name] for name in ("effect_size", "effect_ci_low", "effect_ci_high")]
-    assert [expected.value, expected.interval.low, expected.interval.high] == pytest.approx(found)
+    outcome = [row[name] for name in ("effect_size", "effect_ci_low", "effect_ci_high")]
+    assert [expected.value, expected.interval.low, expected.interval.high] == pytest.approx(outcome)
     assert "d" == row["effect"]
     pair = statistics.dunn(frame, "y", factor="g")[0]
     assert statistics.mann_whitney(a, b).effect == pair.effect
@@ -248,8 +250,8 @@ def test_a_contrast_turned_round_turns_a_difference_and_inverts_a_ratio() -> Non
     n = 200
     frame = {"s": np.repeat(np.arange(20), 10), "c": np.tile(["x", "z"], n // 2)}
     frame["y"] = (rng.random(n) < np.where(frame["c"] == "x", 0.3, 0.7)).astype(float)
-    made = gee(frame, "y", subject="s", within=("c",), family="binomial")
-    there, back = (made.contrasts("c").contrast(*pair) for pair in (("x", "z"), ("z", "x")))
+    model = gee(frame, "y", subject="s", within=("c",), family="binomial")
+    there, back = (model.contrasts("c").contrast(*pair) for pair in (("x", "z"), ("z", "x")))
     assert 1 == pytest.approx(there.effect.value * back.effect.value)
     assert 1 == pytest.approx(there.effect.interval.low * back.effect.interval.high)
     assert 0 < back.effect.interval.low < back.effect.value

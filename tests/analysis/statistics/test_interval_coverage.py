@@ -25,8 +25,8 @@ def test_a_rank_biserial_interval_holds_the_truth_of_large_effects(name: str, ki
     """On Fisher's z, by the error without an effect, it did so in .52 to .80."""
     for n in (8, 16):
         for effect in (1.0, 2.0):
-            share, made = held(BY_NAME[name], kind, effect, n, STUDIES)
-            assert (STUDIES, True) == (made, share > PROMISE - CHANCE), (n, effect, share)
+            share, result = held(BY_NAME[name], kind, effect, n, STUDIES)
+            assert (STUDIES, True) == (result, share > PROMISE - CHANCE), (n, effect, share)
 
 
 @pytest.mark.parametrize("kind", ["normal", "skewed"])
@@ -65,21 +65,21 @@ def test_normal_values_pay_little_for_tails_that_they_do_not_have() -> None:
     for n, most in ((8, 1.25), (40, 1.12)):
         x = stats.norm.ppf((np.arange(n) + 0.5) / n)
         y = x + rng.permutation(x) - 0.7
-        made = statistics.paired_t(x, y).effect.interval
+        result = statistics.paired_t(x, y).effect.interval
         t = statistics.paired_t(x, y)
         low, high = noncentral_t_bounds(t.t, n - 1)
-        assert made is not None
-        assert 1 < (made.high - made.low) / ((high - low) / np.sqrt(n)) < most
+        assert result is not None
+        assert 1 < (result.high - result.low) / ((high - low) / np.sqrt(n)) < most
 
 
 def test_a_widened_interval_keeps_zero_out_where_the_test_does() -> None:
     """No effect has no SD to divide by: p below .05 and an interval around 0 contradict."""
     x = np.array([0.1, 0.2, 0.1, 0.9, 0.3, 0.2, 5.0, 1.2, 0.2, 0.4]) + 0.35
     for sign in (1, -1):
-        made = statistics.one_sample_t(sign * x)
-        assert made.p < 0.05
-        assert made.effect.interval is not None
-        assert sign * made.effect.interval.low * made.effect.interval.high >= 0
+        result = statistics.one_sample_t(sign * x)
+        assert result.p < 0.05
+        assert result.effect.interval is not None
+        assert sign * result.effect.interval.low * result.effect.interval.high >= 0
 
 
 def test_a_skewed_mean_has_its_longer_side_where_the_tail_is() -> None:
@@ -128,8 +128,10 @@ def test_a_rank_biserial_interval_turns_round_with_its_conditions() -> None:
 
 def test_ranks_that_all_agree_have_no_interval() -> None:
     s, c = np.repeat(np.arange(5), 3), np.tile(np.arange(3), 5)
-    found = statistics.friedman({"s": s, "c": c, "y": c + 1.0}, "y", subject="s", within="c")
-    assert (1.0, None) == (found.effect.value, found.effect.interval)
+    friedman_result = statistics.friedman(
+        {"s": s, "c": c, "y": c + 1.0}, "y", subject="s", within="c"
+    )
+    assert (1.0, None) == (friedman_result.effect.value, friedman_result.effect.interval)
 
 
 def test_two_groups_of_two_values_have_the_interval_of_shares_that_differ() -> None:

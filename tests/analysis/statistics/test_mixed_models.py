@@ -55,8 +55,8 @@ def test_missing_cells_keep_the_error_rate_where_people_differ_in_the_effect() -
         frame = differing(rng)
         left = rows(frame, np.sort(rng.permutation(96)[:88]))
         for random in hits:
-            made = mixed_anova(left, "y", random=random, **TWO)
-            hits[random] += made.effect("A").p < 0.05
+            model = mixed_anova(left, "y", random=random, **TWO)
+            hits[random] += model.effect("A").p < 0.05
     assert hits["slopes"] <= 20  # .05 of 200, and 3 standard errors
     assert hits["intercept"] >= 30  # why the random intercept alone is not the default
 
@@ -82,10 +82,10 @@ def test_the_error_term_names_what_people_may_differ_in() -> None:
 def test_too_few_rows_or_people_for_the_maximal_model_fall_back_and_say_so(
     n: int, levels: tuple[int, int], within: tuple[str, ...], reason: str
 ) -> None:
-    made = linear_mixed(within_frame(2, n, levels), "y", subject="subject", within=within)
-    assert "components" == made.random
-    assert reason in made.steps[0]
-    assert any("random effects simplified" in note for note in made.provenance.notes)
+    model = linear_mixed(within_frame(2, n, levels), "y", subject="subject", within=within)
+    assert "components" == model.random
+    assert reason in model.steps[0]
+    assert any("random effects simplified" in note for note in model.provenance.notes)
 
 
 def test_a_singular_maximal_model_falls_back_and_says_so() -> None:
@@ -98,10 +98,10 @@ def test_a_singular_maximal_model_falls_back_and_says_so() -> None:
         "A": np.tile(np.repeat(["a", "b"], 10), 12),
         "y": noise.ravel() + rng.normal(size=12)[person],
     }
-    made = linear_mixed(frame, "y", subject="subject", within=("A",))
-    assert "components" == made.random
-    assert "singular" in made.steps[0]
-    assert any("variance of subject × A came out below zero" in n for n in made.provenance.notes)
+    model = linear_mixed(frame, "y", subject="subject", within=("A",))
+    assert "components" == model.random
+    assert "singular" in model.steps[0]
+    assert any("variance of subject × A came out below zero" in n for n in model.provenance.notes)
 
 
 def test_a_variance_below_zero_is_told_of_cells_as_of_single_trials() -> None:
@@ -115,9 +115,9 @@ def test_a_variance_below_zero_is_told_of_cells_as_of_single_trials() -> None:
         "B": np.tile(["x", "y", "z"], 24),
         "y": cells.ravel() + np.repeat(rng.normal(size=12), 6),
     }
-    made = mixed_anova(frame, "y", subject="subject", within=("A", "B"))
+    model = mixed_anova(frame, "y", subject="subject", within=("A", "B"))
     assert any(
-        "the variance of subject × B came out below zero" in n for n in made.provenance.notes
+        "the variance of subject × B came out below zero" in n for n in model.provenance.notes
     )
 
 
@@ -126,14 +126,14 @@ def test_single_trials_of_one_factor_give_the_paired_t_squared() -> None:
     person = np.repeat(np.arange(14), 12)
     a = np.tile(np.repeat([0, 1], 6), 14)
     y = rng.normal(size=168) + rng.normal(size=14)[person] + rng.normal(size=14)[person] * a
-    made = linear_mixed(
+    model = linear_mixed(
         {"s": person, "A": a, "y": y}, "y", subject="s", within=("A",), random="components"
     )
     means = y.reshape(14, 2, 6).mean(axis=2)
     d = means[:, 1] - means[:, 0]
     expected = d.mean() ** 2 / (d.var(ddof=1) / 14)
-    assert (expected, 13) == pytest.approx((made.effect("A").F, made.effect("A").df2), rel=1e-6)
-    contrast = made.contrasts("A").contrasts[0]
+    assert (expected, 13) == pytest.approx((model.effect("A").F, model.effect("A").df2), rel=1e-6)
+    contrast = model.contrasts("A").contrasts[0]
     assert -d.mean() == pytest.approx(contrast.estimate)
 
 
@@ -144,9 +144,9 @@ def test_a_missing_trial_is_refused_unless_the_rows_that_are_there_may_stand() -
     holed = changed(twice, "y", 4, float("nan"))
     with pytest.raises(MissingValue, match=r"row 5 \(subject S00, A a1, B b1\)"):
         linear_mixed(holed, "y", **TWO)
-    made = linear_mixed(holed, "y", missing="mixed", **TWO)
-    assert 95 == made.design.y.size
-    assert ("1 rows without y",) == made.provenance.dropped
+    model = linear_mixed(holed, "y", missing="mixed", **TWO)
+    assert 95 == model.design.y.size
+    assert ("1 rows without y",) == model.provenance.dropped
 
 
 def test_a_model_of_groups_alone_is_refused() -> None:
@@ -156,13 +156,13 @@ def test_a_model_of_groups_alone_is_refused() -> None:
 
 def test_equations_of_scores_are_hotellings_test_but_for_the_small_sample_correction() -> None:
     frame = within_frame(4, 10, (1, 3))
-    made = gee(frame, "y", subject="subject", within=("B",))
+    model = gee(frame, "y", subject="subject", within=("B",))
     y = np.asarray(frame["y"]).reshape(10, 3)
     d = y[:, :2] - y[:, 2:]
     S = np.cov(d.T)
     T2 = 10 * d.mean(axis=0) @ np.linalg.solve(S, d.mean(axis=0))
     expected = T2 * (10 - 2) / (9 * 2) * 9 / 10  # residuals / (1 − 1/n) twice, over n instead n − 1
-    assert (expected, 8) == pytest.approx((made.effect("B").F, made.effect("B").df2))
+    assert (expected, 8) == pytest.approx((model.effect("B").F, model.effect("B").df2))
 
 
 @pytest.mark.parametrize(

@@ -114,13 +114,13 @@ def test_trials_lost_are_refused_or_left_out_as_asked() -> None:
 def test_people_differ_in_a_rating_model_as_asked() -> None:
     frame = people(trials=6)
     frame["y"] = np.clip(np.round(frame["y"] + 2), 1, 5)
-    asked = Question("clmm", dv="y", within=("A",), subject="s")
-    plain, slopes = (answer(frame, replace(asked, random=r)) for r in ("", "A"))
-    assert plain.rows == answer(frame, replace(asked, random="intercept")).rows
+    request = Question("clmm", dv="y", within=("A",), subject="s")
+    plain, slopes = (answer(frame, replace(request, random=r)) for r in ("", "A"))
+    assert plain.rows == answer(frame, replace(request, random="intercept")).rows
     assert "random intercept and slopes of A per s, correlated" in slopes.sentences[0]
     assert slopes.row("A")["chi2"] != pytest.approx(plain.row("A")["chi2"], rel=1e-3)
-    assert slopes.rows == answer(frame, replace(asked, random="maximal")).rows
-    fine = answer(frame, replace(asked, random="A", nodes=7))
+    assert slopes.rows == answer(frame, replace(request, random="maximal")).rows
+    fine = answer(frame, replace(request, random="A", nodes=7))
     assert slopes.row("A")["chi2"] == pytest.approx(fine.row("A")["chi2"], rel=0.1)
     assert slopes.row("A")["chi2"] != fine.row("A")["chi2"]
 
@@ -171,25 +171,25 @@ def test_whom_listwise_leaves_out_changes_no_number_figure_or_sentence(test: str
     holed = frame[~(outlier & (frame["A"] == "mid"))]
     question = Question(test, dv="y", within=("A",), subject="s", always_posthoc=True)
     expected = answer(frame[~outlier], question)
-    found = answer(holed, replace(question, missing="listwise"))
+    result = answer(holed, replace(question, missing="listwise"))
     told_apart = {"dropped", "notes"}  # who was left out stands there
     for known, row in zip(
-        (*expected.rows, *expected.contrasts), (*found.rows, *found.contrasts), strict=True
+        (*expected.rows, *expected.contrasts), (*result.rows, *result.contrasts), strict=True
     ):
         assert {k: v for k, v in known.items() if k not in told_apart} == {
             k: v for k, v in row.items() if k not in told_apart
         }
     assert expected.sentences + expected.contrast_sentences == (
-        found.sentences + found.contrast_sentences
+        result.sentences + result.contrast_sentences
     )
-    assert expected.path == found.path
-    assert 1 <= len(expected.samples) == len(found.samples)
-    for drawn, kept in zip(found.samples, expected.samples, strict=True):
+    assert expected.path == result.path
+    assert 1 <= len(expected.samples) == len(result.samples)
+    for sample, kept in zip(result.samples, expected.samples, strict=True):
         assert {k: v.tolist() for k, v in kept.conditions.items()} == {
-            k: v.tolist() for k, v in drawn.conditions.items()
+            k: v.tolist() for k, v in sample.conditions.items()
         }
-    assert found.data is not None
-    assert sorted({*range(12)} - {4}) == sorted({int(s) for s in found.data["s"]})
+    assert result.data is not None
+    assert sorted({*range(12)} - {4}) == sorted({int(s) for s in result.data["s"]})
 
 
 @pytest.mark.parametrize("groups_differ", [True, False])
@@ -310,8 +310,8 @@ def test_options_of_another_test_are_refused_and_not_passed_over() -> None:
 
 def test_contrasts_in_ranks_say_so_and_how_far_the_means_differ() -> None:
     frame = people(trials=2).rename(columns={"trial": "B"})
-    asked = Question("art", dv="y", within=("A", "B"), subject="s")
-    outcome = answer(frame, asked)
+    request = Question("art", dv="y", within=("A", "B"), subject="s")
+    outcome = answer(frame, request)
     of_a = next(said for said in outcome.contrast_sentences if said.startswith("ART-C of A ("))
     means = frame.groupby("A")["y"].mean()
     assert "Estimates and SE are in aligned ranks, not in the unit of y" in of_a
@@ -337,19 +337,19 @@ def test_sentences_call_levels_as_asked_and_rows_keep_their_names() -> None:
     )
     question = DWELL
 
-    found = answer(frame, question)
+    result = answer(frame, question)
 
-    assert all("averted" in said and "directed" not in said for said in found.sentences)
-    assert all("at the participant" in said for said in found.sentences)
-    assert "averted − at the participant" in found.path[0]
-    assert ("averted", "directed") == (found.rows[0]["first"], found.rows[0]["second"])
-    assert found.data is not None
-    assert ["averted", "directed"] == list(found.data["gaze"].cat.categories)
-    assert [["averted", "directed"]] == [list(s.conditions) for s in found.samples]
+    assert all("averted" in said and "directed" not in said for said in result.sentences)
+    assert all("at the participant" in said for said in result.sentences)
+    assert "averted − at the participant" in result.path[0]
+    assert ("averted", "directed") == (result.rows[0]["first"], result.rows[0]["second"])
+    assert result.data is not None
+    assert ["averted", "directed"] == list(result.data["gaze"].cat.categories)
+    assert [["averted", "directed"]] == [list(s.conditions) for s in result.samples]
     plain = answer(frame, replace(question, level_words={}))
-    assert plain.rows == found.rows
-    assert plain.cells == found.cells
-    assert question == found.question
+    assert plain.rows == result.rows
+    assert plain.cells == result.cells
+    assert question == result.question
 
 
 def test_what_cannot_be_tested_is_told_with_levels_as_they_are_called() -> None:

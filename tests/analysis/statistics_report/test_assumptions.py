@@ -20,33 +20,33 @@ def people(n: int = 12) -> pd.DataFrame:
 
 def test_residuals_of_conditions_are_what_neither_cell_nor_person_explains() -> None:
     frame = people()
-    found = residuals(answer(frame, Question("rm", dv="y", within=("a",), subject="who")))
-    assert found is not None
+    numbers = residuals(answer(frame, Question("rm", dv="y", within=("a",), subject="who")))
+    assert numbers is not None
     y = frame.pivot_table(index="who", columns="a", values="y").to_numpy()
     expected = y - y.mean(axis=0) - y.mean(axis=1, keepdims=True) + y.mean()
-    assert expected.ravel() == pytest.approx(found["residual"].to_numpy())
+    assert expected.ravel() == pytest.approx(numbers["residual"].to_numpy())
 
 
 def test_residuals_of_groups_keep_what_people_differ_in() -> None:
     frame = people().query("a == 'x'").assign(g=["p", "q"] * 6)
-    found = residuals(answer(frame, Question("t", dv="y", between=("g",), subject="who")))
-    assert found is not None
+    numbers = residuals(answer(frame, Question("t", dv="y", between=("g",), subject="who")))
+    assert numbers is not None
     by_group = frame.groupby("g")["y"].std()
-    assert by_group.to_dict() == pytest.approx(found.groupby("cell")["residual"].std().to_dict())
+    assert by_group.to_dict() == pytest.approx(numbers.groupby("cell")["residual"].std().to_dict())
 
 
 def test_rank_tests_and_constant_residuals_have_no_figure() -> None:
     frame = people()
-    asked = Question("friedman", dv="y", within=("a",), subject="who")
-    assert draw_assumptions(answer(frame, asked)) is None
+    request = Question("friedman", dv="y", within=("a",), subject="who")
+    assert draw_assumptions(answer(frame, request)) is None
 
 
 def test_the_figure_is_written_and_replaced(tmp_path: Path) -> None:
     frame = people()
     write_outcome(answer(frame, Question("rm", dv="y", within=("a",), subject="who")), tmp_path)
     assert (tmp_path / "assumptions.svg").is_file()
-    asked = Question("friedman", dv="y", within=("a",), subject="who")
-    write_outcome(answer(frame, asked), tmp_path)
+    request = Question("friedman", dv="y", within=("a",), subject="who")
+    write_outcome(answer(frame, request), tmp_path)
     assert not (tmp_path / "assumptions.svg").exists()
 
 

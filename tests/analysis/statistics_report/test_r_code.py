@@ -118,7 +118,7 @@ def people() -> pd.DataFrame:
     return frame
 
 
-def asked(name: str) -> Outcome:
+def outcome_of(name: str) -> Outcome:
     question = {"dv": "y", "levels": {}, "always_posthoc": True} | QUESTIONS[name]
     if "b" in question.get("within", ()):
         question["levels"] = {"b": ["low", "mid", "high"]}
@@ -127,7 +127,7 @@ def asked(name: str) -> Outcome:
 
 @pytest.mark.parametrize("name", QUESTIONS)
 def test_code_reads_the_rows_beside_it_and_names_what_it_needs(name: str) -> None:
-    outcome = asked(name)
+    outcome = outcome_of(name)
     code = r_code(outcome)
     assert 'read.csv("tested.csv"' in code
     for package in set(re.findall(r"(\w+)::", code)):
@@ -158,7 +158,7 @@ def repeated(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Printed | st
         pytest.skip("Rscript is not installed")
     folder = tmp_path_factory.mktemp("r")
     for name in QUESTIONS:
-        write_outcome(replace(asked(name), samples=()), folder / name)
+        write_outcome(replace(outcome_of(name), samples=()), folder / name)
     (folder / "all.R").write_text(RUN_ALL, encoding="utf-8")
     done = subprocess.run(
         [rscript, "--vanilla", "all.R"],
@@ -168,27 +168,27 @@ def repeated(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Printed | st
         check=True,
         timeout=90,
     )
-    found: dict[str, Printed | str] = {}
+    numbers: dict[str, Printed | str] = {}
     for part in re.split(r"^==\t\./", done.stdout, flags=re.MULTILINE)[1:]:
         name, *lines = part.splitlines()
         cells = [line.split("\t") for line in lines if "\t" in line]
         broken = [cell[1] for cell in cells if cell[0] == "error"]
-        found[name.strip()] = (
+        numbers[name.strip()] = (
             broken[0]
             if broken
             else {c[0]: (float(c[1]), float("nan") if c[2] == "NA" else float(c[2])) for c in cells}
         )
-    return found
+    return numbers
 
 
 def read(repeated: dict[str, Printed | str], name: str) -> Printed:
     """Return what R printed; skip where a package is missing."""
-    found = repeated[name]
-    if isinstance(found, str):
-        if "there is no package called" in found:
-            pytest.skip(found)
-        pytest.fail(found)
-    return found
+    numbers = repeated[name]
+    if isinstance(numbers, str):
+        if "there is no package called" in numbers:
+            pytest.skip(numbers)
+        pytest.fail(numbers)
+    return numbers
 
 
 def expected(outcome: Outcome) -> Iterator[tuple[float, float]]:
@@ -210,14 +210,14 @@ COMPARED = [n for n, q in QUESTIONS.items() if q["test"] not in ("gee", "tost")]
 @pytest.mark.parametrize("name", COMPARED)
 def test_r_finds_the_same_statistic_and_p(name: str, repeated: dict[str, Printed | str]) -> None:
     beside = ("contrast ", "effect ")
-    found = {
+    numbers = {
         k: v
         for k, v in read(repeated, name).items()
         if "Shapiro-Wilk" not in k and not k.startswith(beside)
     }
-    want = list(expected(asked(name)))
-    assert len(want) == len(found), found
-    for (value, p), (r_value, r_p) in zip(want, found.values(), strict=True):
+    want = list(expected(outcome_of(name)))
+    assert len(want) == len(numbers), numbers
+    for (value, p), (r_value, r_p) in zip(want, numbers.values(), strict=True):
         assert value == pytest.approx(r_value, rel=1e-4)
         assert p == pytest.approx(r_p, rel=1e-3, abs=1e-9, nan_ok=True)
 
@@ -247,10 +247,10 @@ ESTIMATES_ALONE = {"gee": 3, "clmm": 3}
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WITH_CONTRASTS)
 def test_r_finds_the_same_contrasts(name: str, repeated: dict[str, Printed | str]) -> None:
-    found = [v for k, v in read(repeated, name).items() if k.startswith("contrast ")]
-    rows = asked(name).contrasts
-    assert WITH_CONTRASTS[name] == len(rows) == len(found)
-    for row, (value, p) in zip(rows, found, strict=True):
+    numbers = [v for k, v in read(repeated, name).items() if k.startswith("contrast ")]
+    rows = outcome_of(name).contrasts
+    assert WITH_CONTRASTS[name] == len(rows) == len(numbers)
+    for row, (value, p) in zip(rows, numbers, strict=True):
         ours = next(float(row[n] or 0) for n in ("t", "V", "z") if row.get(n) is not None)
         assert ours == pytest.approx(value, rel=1e-4, abs=1e-6)
         assert float(row["p_adjusted"] or 0) == pytest.approx(p, rel=1e-3, abs=1e-5)
@@ -259,10 +259,10 @@ def test_r_finds_the_same_contrasts(name: str, repeated: dict[str, Printed | str
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ESTIMATES_ALONE)
 def test_r_estimates_the_same_contrasts(name: str, repeated: dict[str, Printed | str]) -> None:
-    found = [v for k, v in read(repeated, name).items() if k.startswith("contrast ")]
-    rows = asked(name).contrasts
-    assert ESTIMATES_ALONE[name] == len(rows) == len(found)
-    for row, (value, p) in zip(rows, found, strict=True):
+    numbers = [v for k, v in read(repeated, name).items() if k.startswith("contrast ")]
+    rows = outcome_of(name).contrasts
+    assert ESTIMATES_ALONE[name] == len(rows) == len(numbers)
+    for row, (value, p) in zip(rows, numbers, strict=True):
         assert float(row["estimate"] or 0) == pytest.approx(value, rel=1e-3)
         assert np.isnan(p)
 
@@ -270,8 +270,8 @@ def test_r_estimates_the_same_contrasts(name: str, repeated: dict[str, Printed |
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rm", "gg", "anova", "anova of two", "friedman", "kruskal"])
 def test_r_finds_the_same_effect_sizes(name: str, repeated: dict[str, Printed | str]) -> None:
-    outcome = asked(name)
-    found = {
+    outcome = outcome_of(name)
+    numbers = {
         k.removeprefix("effect "): v for k, (v, _) in read(repeated, name).items() if "effect " in k
     }
     want = {str(row.get("term", "f1")): row["effect_size"] for row in outcome.rows}
@@ -280,16 +280,16 @@ def test_r_finds_the_same_effect_sizes(name: str, repeated: dict[str, Printed | 
         for row in outcome.contrasts
         if name in ("gg", "anova") and "contrast" in row
     }
-    assert set(want) == set(found)
+    assert set(want) == set(numbers)
     for key, value in want.items():
-        assert float(value or 0) == pytest.approx(found[key], rel=1e-5)
+        assert float(value or 0) == pytest.approx(numbers[key], rel=1e-5)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["t", "t of groups", "wilcoxon", "mannwhitney"])
 def test_r_finds_the_same_effect_size_of_two(name: str, repeated: dict[str, Printed | str]) -> None:
-    (found,) = [v for k, (v, _) in read(repeated, name).items() if k.startswith("effect ")]
-    assert float(asked(name).rows[0]["effect_size"] or 0) == pytest.approx(found, rel=1e-5)
+    (numbers,) = [v for k, (v, _) in read(repeated, name).items() if k.startswith("effect ")]
+    assert float(outcome_of(name).rows[0]["effect_size"] or 0) == pytest.approx(numbers, rel=1e-5)
 
 
 @pytest.mark.slow
@@ -298,12 +298,12 @@ def test_equivalence_is_the_larger_of_rs_two_tests(
     name: str, repeated: dict[str, Printed | str]
 ) -> None:
     larger = max(p for _, p in read(repeated, name).values())
-    assert asked(name).p() == pytest.approx(larger, rel=1e-4)
+    assert outcome_of(name).p() == pytest.approx(larger, rel=1e-4)
 
 
 @pytest.mark.slow
 def test_r_estimates_the_same_equations(repeated: dict[str, Printed | str]) -> None:
-    frame, found = people(), read(repeated, "gee")
-    made = gee(frame, "y", subject="who", within=("b",), levels={"b": ["low", "mid", "high"]})
-    values = [value for name, (value, _) in found.items() if not name.startswith("contrast ")]
-    assert made.model.beta == pytest.approx(values, rel=1e-4)
+    frame, numbers = people(), read(repeated, "gee")
+    model = gee(frame, "y", subject="who", within=("b",), levels={"b": ["low", "mid", "high"]})
+    values = [value for name, (value, _) in numbers.items() if not name.startswith("contrast ")]
+    assert model.model.beta == pytest.approx(values, rel=1e-4)

@@ -45,17 +45,17 @@ def session_of(config: LabConfig) -> Path:
 
 
 def test_somebody_still_to_come_is_shown_with_the_command(config: LabConfig) -> None:
-    found = today(config)
-    assert "to come" == found["S02C"]["state"]
-    assert "visavis run stare --participant S02C" == found["S02C"]["command"]
+    people = today(config)
+    assert "to come" == people["S02C"]["state"]
+    assert "visavis run stare --participant S02C" == people["S02C"]["command"]
 
 
 def test_a_study_that_the_lab_knows_by_no_name_is_run_by_its_file(config: LabConfig) -> None:
     own = study_dir(config.data_root, "duel", is_simulated=True)
     settle(own, StudySettings("duel", 1, is_simulated=True), seed_given=False, fits=bool)
     Ledger(own, SystemClock(), prefix=SIMULATED_PREFIX).add(1)
-    found = {study["study"]: study for study in people_today(config, Verdicts())}
-    (person,) = found["duel"]["people"]
+    people = {study["study"]: study for study in people_today(config, Verdicts())}
+    (person,) = people["duel"]["people"]
     assert "visavis run ./duel.py --participant S01B" == person["command"]
 
 
@@ -65,23 +65,23 @@ def test_a_session_broken_off_says_what_to_redo_and_a_whole_one_that_they_can_le
     script = ((SessionState.TRIAL, 3, 5, Command(Action.ABORT)),)
     with pytest.raises(SessionAborted):
         perform(config, ScriptedOperator(*script), trial_s=1.0)
-    found = today(config)["S01B"]
-    assert ("interrupted", "red") == (found["state"], found["verdict"]["level"])
-    assert f"visavis resume {session_of(config)}" == found["command"]
-    assert (2, 7) == (found["verdict"]["done"], found["verdict"]["planned"])
-    assert any("visavis resume" in step for step in found["verdict"]["redo"])
+    people = today(config)["S01B"]
+    assert ("interrupted", "red") == (people["state"], people["verdict"]["level"])
+    assert f"visavis resume {session_of(config)}" == people["command"]
+    assert (2, 7) == (people["verdict"]["done"], people["verdict"]["planned"])
+    assert any("visavis resume" in step for step in people["verdict"]["redo"])
 
 
 def test_a_whole_session_of_today_is_judged_and_one_of_another_day_counted(
     config: LabConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     perform(config, trial_s=1.0)
-    found = today(config)["S01B"]
-    assert ("complete", "") == (found["state"], found["command"])
-    assert found["verdict"]["answer"].startswith("They can leave")
+    people = today(config)["S01B"]
+    assert ("complete", "") == (people["state"], people["command"])
+    assert people["verdict"]["answer"].startswith("They can leave")
     monkeypatch.setattr("visavis.cli.desk.people._is_today", lambda changed_s: False)
-    found = today(config)
-    assert ("S01B" in found, 1) == (False, found["before"])
+    people = today(config)
+    assert ("S01B" in people, 1) == (False, people["before"])
 
 
 def test_a_session_broken_off_on_another_day_still_waits_to_be_gone_on_with(
@@ -90,8 +90,8 @@ def test_a_session_broken_off_on_another_day_still_waits_to_be_gone_on_with(
     with pytest.raises(SessionAborted):
         perform(config, ScriptedOperator((SessionState.TRIAL, 3, 5, Command(Action.ABORT))))
     monkeypatch.setattr("visavis.cli.desk.people._is_today", lambda changed_s: False)
-    found = today(config)
-    assert ("interrupted", 0) == (found["S01B"]["state"], found["before"])
+    people = today(config)
+    assert ("interrupted", 0) == (people["S01B"]["state"], people["before"])
 
 
 def test_a_session_is_read_once_for_as_long_as_it_does_not_change(
@@ -113,8 +113,8 @@ def test_a_session_is_read_once_for_as_long_as_it_does_not_change(
 
 def test_while_a_session_goes_on_no_other_is_judged(config: LabConfig) -> None:
     perform(config, trial_s=1.0)
-    found = today(config, running=["elsewhere"])["S01B"]
-    assert ("complete", None) == (found["state"], found["verdict"])
+    people = today(config, running=["elsewhere"])["S01B"]
+    assert ("complete", None) == (people["state"], people["verdict"])
     assert "running" == today(config, running=[str(session_of(config).resolve())])["S01B"]["state"]
 
 
@@ -125,9 +125,9 @@ def test_a_ledger_that_cannot_be_read_is_told_and_hides_no_other_study(config: L
     for file in other.glob("participants*.jsonl"):
         file.chmod(0o600)
         file.write_text("{no\n{no\n", "utf-8")
-    found = {study["study"]: study for study in people_today(config, Verdicts())}
-    assert found["crowd"]["problem"]
-    assert 2 == len(found["stare"]["people"])
+    people = {study["study"]: study for study in people_today(config, Verdicts())}
+    assert people["crowd"]["problem"]
+    assert 2 == len(people["stare"]["people"])
 
 
 def test_a_session_gone_on_with_today_is_todays_whenever_it_was_begun(config: LabConfig) -> None:

@@ -55,9 +55,9 @@ def rated(seed: int) -> Impressions:
 
 
 def test_every_pair_is_asked_of_every_walk_on_one_list() -> None:
-    made = OpenedStudy(study).experiment({})
-    assert len(made.read) == len(WALKS) == 27
-    for trial in made.read.values():
+    experiment = OpenedStudy(study).experiment({})
+    assert len(experiment.read) == len(WALKS) == 27
+    for trial in experiment.read.values():
         ratings = [r for r in trial.responses if isinstance(r, Rating)]
         assert tuple(r.name for r in ratings) == PAIRS
         assert {(r.low, r.high) for r in ratings} == {(-2, 2)}
@@ -73,11 +73,11 @@ def test_printed_tables_have_27_and_29_pairs_of_the_41() -> None:
 
 
 def test_orders_of_walks_are_balanced() -> None:
-    made = OpenedStudy(study).experiment({})
+    experiment = OpenedStudy(study).experiment({})
     first = [
         next(
             walk_name(str(t.factors["emotion"]), str(t.factors["speed"]))
-            for t in made.plan(i, 1).trials
+            for t in experiment.plan(i, 1).trials
         )
         for i in range(54)
     ]

@@ -153,12 +153,12 @@ def test_descriptives_use_everyone_who_has_a_value():
     for measure in MEASURES[1:]:
         means[measure.column] = np.nan
 
-    found = {(d.measure, d.condition): d for d in describe(means)}
+    results = {(d.measure, d.condition): d for d in describe(means)}
 
-    assert (found[DWELL, "A"].n, found[DWELL, "A"].mean) == (2, 2.0)
-    assert found[DWELL, "A"].sd == pytest.approx(np.sqrt(2))
-    assert found[FIXATION_COUNT, "A"].n == 0
-    assert np.isnan(found[FIXATION_COUNT, "A"].mean)
+    assert (results[DWELL, "A"].n, results[DWELL, "A"].mean) == (2, 2.0)
+    assert results[DWELL, "A"].sd == pytest.approx(np.sqrt(2))
+    assert results[FIXATION_COUNT, "A"].n == 0
+    assert np.isnan(results[FIXATION_COUNT, "A"].mean)
 
 
 @pytest.mark.parametrize(
@@ -204,9 +204,9 @@ def test_effect_is_found_only_with_both_dwell_time_and_fixation_count():
 
 def test_no_effect_is_reported_as_not_significant_with_n():
     rows = study_rows(12, effect=False, seed=5)
-    found = analysed(rows, anxiety_answers(12))
+    results = analysed(rows, anxiety_answers(12))
 
-    assert found.conclusions[0].headline == (
+    assert results.conclusions[0].headline == (
         "Stare-in-the-crowd effect: not significant with n = 12 (dwell time, directed minus "
         "averted: +166 ms, 95% CI [+19, +313]; fixation count, directed minus averted: −0.25, "
         "95% CI [−0.49, −0.01])"
@@ -216,18 +216,18 @@ def test_no_effect_is_reported_as_not_significant_with_n():
 @pytest.mark.parametrize("participants", [1, 2])
 def test_too_few_participants_are_said_not_computed(participants):
     rows = study_rows(participants)
-    found = analysed(rows, anxiety_answers(participants))
+    results = analysed(rows, anxiety_answers(participants))
 
-    assert {c.status for c in found.conclusions} == {"undecided"}
-    assert count_agreement(found.pairs_of("conditions")).comparable_count == 0
-    assert all("not tested" in c.sentence() for c in found.pairs_of("conditions"))
+    assert {c.status for c in results.conclusions} == {"undecided"}
+    assert count_agreement(results.pairs_of("conditions")).comparable_count == 0
+    assert all("not tested" in c.sentence() for c in results.pairs_of("conditions"))
 
 
 def test_anxiety_correlation_uses_those_with_a_score(study):
     answers = anxiety_answers(N)
     answers.loc[0:1, "social_anxiety_total"] = np.nan
-    found = analysed(study.selection.rows, answers).correlations_of("anxiety")
-    with_d = next(c for c in found if c.measure == DWELL and c.level == "D")
+    results = analysed(study.selection.rows, answers).correlations_of("anxiety")
+    with_d = next(c for c in results if c.measure == DWELL and c.level == "D")
 
     assert {c.n for c in study.correlations_of("anxiety") if c.measure == DWELL} == {N}
     assert with_d.n == N - 2
@@ -239,11 +239,11 @@ def test_strong_negative_anxiety_relation_is_found():
     rank = rows["participant"].map(order)
     answers = pd.DataFrame({"participant": list(order), "social_anxiety_total": range(10, 10 + N)})
     rows["dwell_ms"] = 3000.0 - 100 * rank + 0.001 * rows["dwell_ms"]
-    found = analysed(rows, answers)
+    results = analysed(rows, answers)
 
-    assert found.conclusions[-1].status == "found"
-    assert "3 of 3 conditions" in found.conclusions[-1].answer
-    significant = [a for a in found.correlations_of("anxiety") if a.measure == DWELL]
+    assert results.conclusions[-1].status == "found"
+    assert "3 of 3 conditions" in results.conclusions[-1].answer
+    significant = [a for a in results.correlations_of("anxiety") if a.measure == DWELL]
     assert all(a.outcome is not None and a.outcome.r < -0.9 for a in significant)
 
 
@@ -255,10 +255,10 @@ def test_two_scores_of_one_participant_are_refused():
 
 
 def test_no_answers_leave_the_rest_of_the_analysis():
-    found = analysed(study_rows(4), pd.DataFrame())
+    results = analysed(study_rows(4), pd.DataFrame())
 
-    assert found.conclusions[-1].status == "undecided"
-    assert all(c.outcome is not None for c in found.pairs_of("conditions") if c.measure == DWELL)
+    assert results.conclusions[-1].status == "undecided"
+    assert all(c.outcome is not None for c in results.pairs_of("conditions") if c.measure == DWELL)
 
 
 def test_sensitivity_repeats_the_main_analysis_at_its_own_setting(study):
@@ -275,9 +275,9 @@ def test_sensitivity_leaves_out_excluded_trials():
     varied = varied_rows(rows)
     rows.loc[rows["trial_id"] == "T01", "lost_01"] = 0.9
     varied.loc[varied["trial_id"] == "T01", "dwell_ms"] = 1e9
-    found = analysed(rows, anxiety_answers(5), varied=varied)
+    results = analysed(rows, anxiety_answers(5), varied=varied)
 
-    assert max(r.first_tests[0].first_mean for r in found.sensitivity) < 1e5
+    assert max(r.first_tests[0].first_mean for r in results.sensitivity) < 1e5
 
 
 def test_second_view_compares_fixations_of_the_velocity_detector(study):
@@ -336,14 +336,14 @@ def test_conditions_left_out_of_a_study_are_not_tested_and_share_no_alpha():
     rows = study_rows(N)
     rows = rows[rows["condition"].isin(["A", "D"])]
     parameters = {"condition": ["A", "D"], "zone": ["left", "right"]}
-    found = analysed(rows, anxiety_answers(N), parameters=parameters)
-    tested = [c for c in found.pairs_of("conditions") if c.outcome is not None]
+    results = analysed(rows, anxiety_answers(N), parameters=parameters)
+    tested = [c for c in results.pairs_of("conditions") if c.outcome is not None]
 
     assert {("A", "D")} == {(c.first, c.second) for c in tested}
     assert {0.05 / 6} == {c.threshold for c in tested}
-    assert {0.05 / 2} == {c.threshold for c in found.pairs_of("zones")}
-    assert {"A", "D"} == {c.level for c in found.correlations_of("anxiety")}
-    untested = find_test(found.pairs_of("conditions"), DWELL.column, ("D", "DA"))
+    assert {0.05 / 2} == {c.threshold for c in results.pairs_of("zones")}
+    assert {"A", "D"} == {c.level for c in results.correlations_of("anxiety")}
+    untested = find_test(results.pairs_of("conditions"), DWELL.column, ("D", "DA"))
     assert untested.sentence().endswith("not tested, the study was performed without DA.")
-    assert found.conclusions[0].status == "found"
-    assert found.conclusions[2].answer == "not tested"
+    assert results.conclusions[0].status == "found"
+    assert results.conclusions[2].answer == "not tested"

@@ -82,17 +82,17 @@ def test_undecided_by_number_still_counts_as_tested():
 
 def test_measures_that_differ_in_opposite_directions_are_mixed():
     difference = np.random.default_rng(2).normal(300, 20, 12)
-    found = conclude(made_tests(difference, sign_of_count=-1.0), ())[0]
+    conclusion = conclude(made_tests(difference, sign_of_count=-1.0), ())[0]
 
-    assert found.answer.startswith("mixed (more dwell time, less fixation count: ")
+    assert conclusion.answer.startswith("mixed (more dwell time, less fixation count: ")
 
 
 def test_less_looking_at_directed_gaze_is_reversed():
     difference = np.random.default_rng(2).normal(-300, 20, 12)
 
-    found = conclude(made_tests(difference), ())[0]
-    assert "reversed" == found.status
-    assert found.answer == (
+    conclusion = conclude(made_tests(difference), ())[0]
+    assert "reversed" == conclusion.status
+    assert conclusion.answer == (
         "significant, but the other way round (dwell time, directed minus averted: −299 ms, "
         "95% CI [−313, −285]; "
         "fixation count, directed minus averted: −299.00, 95% CI [−312.87, −285.13])"
@@ -100,10 +100,10 @@ def test_less_looking_at_directed_gaze_is_reversed():
 
 
 def test_conclusion_rests_on_dwell_time_and_fixation_count():
-    found = conclude(made_tests(np.random.default_rng(2).normal(300, 20, 12)), ())[0]
+    conclusion = conclude(made_tests(np.random.default_rng(2).normal(300, 20, 12)), ())[0]
 
-    assert [e.split()[0] for e in found.evidence] == ["Dwell", "Fixation"]
-    assert all("averted minus directed" in e for e in found.evidence)
+    assert [e.split()[0] for e in conclusion.evidence] == ["Dwell", "Fixation"]
+    assert all("averted minus directed" in e for e in conclusion.evidence)
 
 
 def correlations(order, n):
@@ -145,17 +145,17 @@ def test_rising_dwell_time_with_anxiety_is_reversed_and_both_is_mixed():
 )
 def test_only_correlations_that_stand_after_correction_make_the_headline(ranks, holds, expected):
     unrelated = np.array([3.0, 0, 5, 1, 7, 4, 2, 6])
-    found = correlations(lambda c: np.array(ranks, float) if c == "AD" else unrelated, 8)
-    (with_ad,) = [c for c in found if c.measure == DWELL and c.level == "AD"]
+    coefficients = correlations(lambda c: np.array(ranks, float) if c == "AD" else unrelated, 8)
+    (with_ad,) = [c for c in coefficients if c.measure == DWELL and c.level == "AD"]
     assert (True, holds) == (with_ad.is_significant_alone, with_ad.is_significant)
-    assert expected == conclude(made_tests(skewed(8)), found)[-1].answer
+    assert expected == conclude(made_tests(skewed(8)), coefficients)[-1].answer
 
 
 def test_four_participants_cannot_decide_a_correlation():
-    found = correlations(lambda _: np.array([2.0, 1.0, 4.0, 3.0]), 4)
+    coefficients = correlations(lambda _: np.array([2.0, 1.0, 4.0, 3.0]), 4)
 
-    assert found[0].can_reach is False
-    assert conclude(made_tests(skewed(8)), found)[-1].answer == (
+    assert coefficients[0].can_reach is False
+    assert conclude(made_tests(skewed(8)), coefficients)[-1].answer == (
         "undecided: n = 4 cannot reach the threshold"
     )
 

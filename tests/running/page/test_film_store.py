@@ -89,9 +89,9 @@ def store(folder: Path) -> FilmStore:
     ],
 )
 def test_whatever_changes_what_is_seen_changes_the_name(other: Film, tmp_path: Path) -> None:
-    made = store(tmp_path)
-    assert made.name_of(SHORT) == store(tmp_path).name_of(replace(SHORT))
-    assert made.name_of(SHORT) != made.name_of(other)
+    film_files = store(tmp_path)
+    assert film_files.name_of(SHORT) == store(tmp_path).name_of(replace(SHORT))
+    assert film_files.name_of(SHORT) != film_files.name_of(other)
 
 
 def block(side_m: float) -> Prop:
@@ -108,14 +108,14 @@ def block(side_m: float) -> Prop:
 def test_one_sees_the_inside_of_a_sleeve_and_not_the_wall_behind_it(number: int) -> None:
     """Where a ray meets a person, from either side, the film does not show what is behind."""
     experiment = find_study("interpolation").experiment({})
-    made, film = film_store(experiment), experiment.films[number]
-    pictures = list(made.pictures(film))
+    film_files, film = film_store(experiment), experiment.films[number]
+    pictures = list(film_files.pictures(film))
     shown = pictures[len(pictures) // 2]
     bare = replace(shown.room, props=(), background_srgb=(255, 0, 255))
     picture = replace(shown, room=bare)
     person = picture.cast[0]
     placed = forward(person.skeleton, picture.people.root_m[0], picture.people.orientation_wxyz[0])
-    camera = made.cameras(film)[0]
+    camera = film_files.cameras(film)[0]
     try:
         with film_drawing() as draw:
             for side in ("left", "right"):
@@ -196,14 +196,14 @@ def test_whatever_stands_in_the_picture_changes_the_name(
 def test_a_film_built_again_is_equal_to_the_byte(tmp_path: Path) -> None:
     built = []
     for name in ("a", "b"):
-        made = store(tmp_path / name)
+        film_files = store(tmp_path / name)
         try:
-            made.build([SHORT], lambda done, of: None)
+            film_files.build([SHORT], lambda done, of: None)
         except StageError as problem:
             pytest.skip(str(problem))
-        found = made.file_of(SHORT)
-        assert found is not None
-        built.append(found.path.read_bytes())
+        film_path = film_files.file_of(SHORT)
+        assert film_path is not None
+        built.append(film_path.path.read_bytes())
     assert built[0] == built[1]
 
 
@@ -219,25 +219,25 @@ def test_a_film_is_posed_once_to_be_named_checked_and_drawn_unless_it_is_long(
 
     monkeypatch.setattr("visavis.running.film_store.picture_of", count)
     monkeypatch.setattr("visavis.running.film_store.MAX_HELD_POSES", limit)
-    made = store(tmp_path)
+    film_files = store(tmp_path)
     try:
-        made.build([SHORT], no_progress)
+        film_files.build([SHORT], no_progress)
     except StageError as problem:
         pytest.skip(str(problem))
-    assert made.file_of(SHORT) is not None
+    assert film_files.file_of(SHORT) is not None
     assert [times] * 3 == [times_ns.count(k * NS_PER_S // 30) for k in range(3)]
 
 
 def test_a_film_tells_what_drew_it_and_how(tmp_path: Path) -> None:
-    made = store(tmp_path)
-    assert made.drawn_by(SHORT) == "unknown"
+    film_files = store(tmp_path)
+    assert film_files.drawn_by(SHORT) == "unknown"
     try:
-        made.build([SHORT], lambda done, of: None)
+        film_files.build([SHORT], lambda done, of: None)
     except StageError as problem:
         pytest.skip(str(problem))
-    about = json.loads((tmp_path / f"{made.name_of(SHORT)}.json").read_text())
+    about = json.loads((tmp_path / f"{film_files.name_of(SHORT)}.json").read_text())
     assert (dict(FILM_QUALITY), dict(ENCODING)) == (about["quality"], about["encoding"])
-    assert made.drawn_by(SHORT) == about["renderer"] != "unknown"
+    assert film_files.drawn_by(SHORT) == about["renderer"] != "unknown"
 
 
 def test_a_film_of_another_quality_has_another_name(
@@ -251,10 +251,10 @@ def test_a_film_of_another_quality_has_another_name(
 
 def first_picture(film: Film, folder: Path) -> npt.NDArray[np.int64]:
     """Return a film's first picture as it is drawn here."""
-    made = store(folder)
+    film_files = store(folder)
     try:
         with film_drawing() as draw:
-            image = draw(next(made.pictures(film)), made.cameras(film)[0], film.size_px)
+            image = draw(next(film_files.pictures(film)), film_files.cameras(film)[0], film.size_px)
     except StageError as problem:
         pytest.skip(str(problem))
     return image.astype(np.int64)
@@ -298,14 +298,14 @@ def test_two_graphics_drivers_draw_a_film_that_looks_the_same(tmp_path: Path) ->
 
 def test_what_is_drawn_of_a_film_is_what_raters_are_shown(tmp_path: Path) -> None:
     """A film drawn again, as preview does before it is built, and the file that is played."""
-    made = store(tmp_path)
+    film_files = store(tmp_path)
     try:
         with film_drawing() as draw:
-            again = FilmPictures(made, MIDDLE.size_px[1], draw).at(MIDDLE, 0.0).astype(int)
-        made.build([MIDDLE], lambda done, of: None)
+            again = FilmPictures(film_files, MIDDLE.size_px[1], draw).at(MIDDLE, 0.0).astype(int)
+        film_files.build([MIDDLE], lambda done, of: None)
     except StageError as problem:
         pytest.skip(str(problem))
-    file = made.file_of(MIDDLE)
+    file = film_files.file_of(MIDDLE)
     assert file is not None
     with av.open(str(file.path)) as container:
         played = next(container.decode(video=0)).to_ndarray(format="rgb24").astype(int)
@@ -315,22 +315,26 @@ def test_what_is_drawn_of_a_film_is_what_raters_are_shown(tmp_path: Path) -> Non
 
 
 def test_a_film_damaged_in_the_cache_is_built_anew(tmp_path: Path) -> None:
-    made = store(tmp_path)
-    path = tmp_path / f"{made.name_of(SHORT)}.webm"
+    film_files = store(tmp_path)
+    path = tmp_path / f"{film_files.name_of(SHORT)}.webm"
     path.write_bytes(b"damaged")
     path.with_suffix(".json").write_text('{"sha256": "other"}', encoding="utf-8")
-    assert made.file_of(SHORT) is None
+    assert film_files.file_of(SHORT) is None
 
 
 def test_films_by_different_cameras_are_told_apart_and_whom_they_film_must_be_there(
     tmp_path: Path,
 ) -> None:
-    made, near = store(tmp_path), replace(SHORT, lens=Following(back_m=2.0))
-    assert made.name_of(near) != made.name_of(replace(SHORT, lens=Following()))
-    assert near.frame_count == len(made.cameras(near)) == len(made.film_seen(near).is_visible)
+    film_files, near = store(tmp_path), replace(SHORT, lens=Following(back_m=2.0))
+    assert film_files.name_of(near) != film_files.name_of(replace(SHORT, lens=Following()))
+    assert (
+        near.frame_count
+        == len(film_files.cameras(near))
+        == len(film_files.film_seen(near).is_visible)
+    )
     nobody = replace(SHORT, lens=Placed(((0.0, 2.0, 1.0),), subject="walker"))
     with pytest.raises(DesignError, match="nobody who is 'walker'"):
-        made.name_of(nobody)
+        film_files.name_of(nobody)
 
 
 @pytest.mark.parametrize("wrong", [{"seconds": 0.0}, {"size_px": (65, 64)}, {"rate_hz": 0}])

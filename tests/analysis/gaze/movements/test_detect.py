@@ -28,8 +28,8 @@ def scene(rate_hz=RATE_HZ, noise_deg=0.03, seed=1):
     return stamps(len(gaze), rate_hz), shaken(gaze, noise_deg, np.random.default_rng(seed))
 
 
-def kinds_of(found):
-    return [Movement(k).name for k in found.kind]
+def kinds_of(movements):
+    return [Movement(k).name for k in movements.kind]
 
 
 def still(seconds, rng_seed=3, rate_hz=RATE_HZ):
@@ -64,13 +64,13 @@ def gliding(speeds_deg_s, rate_hz=RATE_HZ, seed=4):
 )
 def test_six_rests_and_the_saccades_between_are_found_within_their_windows(name, rate_hz):
     t, gaze = scene(rate_hz)
-    found = detect_movements(t, gaze, MovementParameters(detector=name))
-    rests = fixations_of(found)
+    movements = detect_movements(t, gaze, MovementParameters(detector=name))
+    rests = fixations_of(movements)
     assert 6 == len(rests)
     near_ms = 30 + 4 * 1000 / rate_hz  # of both ends: half a window more, and two samples each
     assert [pytest.approx(ms, abs=near_ms) for ms in RESTS_MS] == (rests.duration_ns / 1e6).tolist()
-    assert 5 == (found.kind == Movement.SACCADE).sum()
-    assert 0 == (found.kind == Movement.PURSUIT).sum()
+    assert 5 == (movements.kind == Movement.SACCADE).sum()
+    assert 0 == (movements.kind == Movement.PURSUIT).sum()
 
 
 @pytest.mark.parametrize("noise_deg", [0.0, 0.1, 0.3])
@@ -92,33 +92,35 @@ def test_the_choice_is_told_with_what_was_measured():
 
 def test_events_are_exactly_the_runs_of_the_samples_kinds():
     t, gaze = scene()
-    found = detect_movements(t, gaze)
-    drawn = np.zeros(len(t), np.int8)
-    for kind, first, last in zip(found.kind, found.first_row, found.last_row, strict=True):
-        assert not drawn[first : last + 1].any()
-        drawn[first : last + 1] = kind
-    assert found.movement.tolist() == drawn.tolist()
-    assert (found.onset_ns == t[found.first_row]).all()
-    assert (np.diff(found.onset_ns) >= found.duration_ns[:-1]).all()
+    movements = detect_movements(t, gaze)
+    kinds = np.zeros(len(t), np.int8)
+    for kind, first, last in zip(
+        movements.kind, movements.first_row, movements.last_row, strict=True
+    ):
+        assert not kinds[first : last + 1].any()
+        kinds[first : last + 1] = kind
+    assert movements.movement.tolist() == kinds.tolist()
+    assert (movements.onset_ns == t[movements.first_row]).all()
+    assert (np.diff(movements.onset_ns) >= movements.duration_ns[:-1]).all()
 
 
 def test_amplitude_and_peak_speed_of_a_saccade_are_those_of_gaze():
     t, gaze = scene()
-    found = detect_movements(t, gaze)
-    first = np.flatnonzero(found.kind == Movement.SACCADE)[0]
-    assert 10 == pytest.approx(found.amplitude_deg[first], abs=1.5)
-    assert 10 / 0.036 == pytest.approx(found.peak_deg_s[first], rel=0.15)
+    movements = detect_movements(t, gaze)
+    first = np.flatnonzero(movements.kind == Movement.SACCADE)[0]
+    assert 10 == pytest.approx(movements.amplitude_deg[first], abs=1.5)
+    assert 10 / 0.036 == pytest.approx(movements.peak_deg_s[first], rel=0.15)
 
 
 def test_pursuit_is_told_from_fixation_and_can_be_left_out():
     speeds = np.concatenate([np.zeros(200), np.full(250, 12.0), np.zeros(200)])
     gaze = gliding(speeds)
     t = stamps(len(gaze), RATE_HZ)
-    found = detect_movements(t, gaze)
-    share = (found.movement[200:450] == Movement.PURSUIT).mean()
+    movements = detect_movements(t, gaze)
+    share = (movements.movement[200:450] == Movement.PURSUIT).mean()
     assert share > 0.85
-    assert (found.movement[:150] == Movement.FIXATION).all()
-    assert (found.movement[-150:] == Movement.FIXATION).all()
+    assert (movements.movement[:150] == Movement.FIXATION).all()
+    assert (movements.movement[-150:] == Movement.FIXATION).all()
     as_published = detect_movements(t, gaze, MovementParameters(pursuit=False))
     assert 0 == (as_published.movement == Movement.PURSUIT).sum()
 
@@ -130,17 +132,17 @@ def test_a_loss_is_bridged_a_blink_or_unknown_by_its_length():
         hidden = gaze.copy()
         rows = slice(400, 400 + round(lost_ms * RATE_HZ / 1000))
         hidden[rows] = np.nan
-        found = detect_movements(t, hidden)
-        assert {int(expected)} == set(found.movement[rows].tolist())
+        movements = detect_movements(t, hidden)
+        assert {int(expected)} == set(movements.movement[rows].tolist())
 
 
 def test_what_seems_a_saccade_beside_a_blink_is_part_of_it():
     gaze = looks([(0, 0), (0, -6), (0, 0)], [200, 3, 200], saccade_rows=8)
     gaze = shaken(gaze, 0.03, np.random.default_rng(1))
     gaze[205:250] = np.nan
-    found = detect_movements(stamps(len(gaze), RATE_HZ), gaze)
-    assert "SACCADE" not in kinds_of(found)
-    assert ["FIXATION", "BLINK", "FIXATION"] == kinds_of(found)
+    movements = detect_movements(stamps(len(gaze), RATE_HZ), gaze)
+    assert "SACCADE" not in kinds_of(movements)
+    assert ["FIXATION", "BLINK", "FIXATION"] == kinds_of(movements)
 
 
 def test_the_swing_back_after_a_saccade_is_an_oscillation():
@@ -151,8 +153,8 @@ def test_the_swing_back_after_a_saccade_is_an_oscillation():
     gaze = shaken(
         direction_from_yaw_pitch_deg(yaw, np.zeros(len(yaw))), 0.01, np.random.default_rng(1)
     )
-    found = detect_movements(stamps(len(gaze), rate), gaze)
-    assert ["FIXATION", "SACCADE", "OSCILLATION", "FIXATION"] == kinds_of(found)
+    movements = detect_movements(stamps(len(gaze), rate), gaze)
+    assert ["FIXATION", "SACCADE", "OSCILLATION", "FIXATION"] == kinds_of(movements)
 
 
 def test_counter_rotation_of_the_eyes_under_a_turning_head_is_fixation():
@@ -163,10 +165,10 @@ def test_counter_rotation_of_the_eyes_under_a_turning_head_is_fixation():
     heads = np.array([quat_from_yaw_pitch_deg(deg) for deg in head_deg])
     in_head = rotate(quat_conjugate(heads), world)
     speed = np.abs(np.gradient(head_deg, t / 1e9))
-    found = detect_movements(t, world, in_head=in_head, head_deg_s=speed)
-    assert ["FIXATION"] == kinds_of(found)
-    assert found.head_deg_s[0] == pytest.approx(found.eye_deg_s[0], rel=0.1)
-    assert found.head_deg_s[0] > 60
+    movements = detect_movements(t, world, in_head=in_head, head_deg_s=speed)
+    assert ["FIXATION"] == kinds_of(movements)
+    assert movements.head_deg_s[0] == pytest.approx(movements.eye_deg_s[0], rel=0.1)
+    assert movements.head_deg_s[0] > 60
 
 
 def test_a_head_that_turns_fast_with_resting_eyes_is_no_saccade():
@@ -204,10 +206,10 @@ def test_when_a_recording_began_changes_nothing(start_ns):
 @pytest.mark.parametrize("params", [AUTO, *DETECTORS], ids=lambda p: p.detector)
 @pytest.mark.parametrize("n", [0, 1, 2, 300])
 def test_nothing_seen_is_no_event_but_a_blink_at_most(params, n):
-    found = detect_movements(stamps(n, RATE_HZ), np.full((n, 3), np.nan), params)
-    assert set(kinds_of(found)) <= {"BLINK"}
-    assert n == len(found.movement)
-    assert 0 == len(fixations_of(found))
+    movements = detect_movements(stamps(n, RATE_HZ), np.full((n, 3), np.nan), params)
+    assert set(kinds_of(movements)) <= {"BLINK"}
+    assert n == len(movements.movement)
+    assert 0 == len(fixations_of(movements))
 
 
 @pytest.mark.parametrize("params", [AUTO, *DETECTORS], ids=lambda p: p.detector)
