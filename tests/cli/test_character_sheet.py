@@ -30,9 +30,11 @@ def test_sheet_holds_two_faces_of_everybody_named(tmp_path: Path) -> None:
     except StageError as problem:
         pytest.skip(str(problem))
     sheet(tmp_path / "two.png", "anna", "henrik", "--library", tmp_path)
-    with Image.open(tmp_path / "two.png") as drawn:
-        assert drawn.height == TITLE_PX + SHEET_TILE_PX[1]
-        left, right = (drawn.crop((x, TITLE_PX, x + 480, TITLE_PX + 260)) for x in (0, 960))
+    with Image.open(tmp_path / "two.png") as picture_of_all:
+        assert picture_of_all.height == TITLE_PX + SHEET_TILE_PX[1]
+        left, right = (
+            picture_of_all.crop((x, TITLE_PX, x + 480, TITLE_PX + 260)) for x in (0, 960)
+        )
         assert len(left.convert("RGB").getcolors(10**6) or ()) > 500
         assert left.tobytes() != right.tobytes()
 
@@ -46,8 +48,10 @@ def test_sheet_without_names_shows_the_shipped_cast_where_nobody_was_imported(
         pytest.skip(str(problem))
     monkeypatch.chdir(tmp_path)
     sheet("everybody.png")
-    with Image.open("everybody.png") as drawn:
-        assert TITLE_PX + len(cast_names()) / 3 * SHEET_TILE_PX[1] == drawn.height  # three in a row
+    with Image.open("everybody.png") as picture_of_all:
+        assert (
+            TITLE_PX + len(cast_names()) / 3 * SHEET_TILE_PX[1] == picture_of_all.height
+        )  # three in a row
 
 
 def test_a_library_without_anybody_is_said_not_replaced(tmp_path: Path) -> None:
@@ -61,9 +65,12 @@ def test_faces_at_distances_are_shown_in_the_display_s_own_pixels(tmp_path: Path
     except StageError as problem:
         pytest.skip(str(problem))
     sheet(tmp_path / "far.png", "anna", "--at", "1,5", "--library", tmp_path)
-    with Image.open(tmp_path / "far.png") as drawn:
-        assert drawn.width >= 2 * TILE_PX
-        row = [drawn.getpixel((x, TITLE_PX + TILE_PX // 2)) for x in range(drawn.width)]
+    with Image.open(tmp_path / "far.png") as picture_of_all:
+        assert picture_of_all.width >= 2 * TILE_PX
+        row = [
+            picture_of_all.getpixel((x, TITLE_PX + TILE_PX // 2))
+            for x in range(picture_of_all.width)
+        ]
     near, far = row[:TILE_PX], row[TILE_PX : 2 * TILE_PX]
     changes = [sum(a != b for a, b in pairwise(tile)) for tile in (near, far)]
     # 0.42 m are 4.8° at 5 m, 58 pixels of 12 a degree; at 1 m more than the tile has.

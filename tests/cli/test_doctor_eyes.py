@@ -58,11 +58,11 @@ def test_a_runtime_that_hides_the_tracker_is_named_with_the_one_to_choose(runtim
     hiding = runtimes("SteamVR", gaze=False)
     telling = runtimes("Varjo", gaze=True)
     runtimes("Other", gaze=False)
-    (found,) = eyes(monkeypatch, hiding)
-    assert found.level == "missing"
-    assert found.found == "SteamVR hides the eye tracker, whose gaze Varjo tells"
-    assert "make Varjo the active OpenXR runtime" in found.remedy
-    assert str(telling) in found.remedy
+    (verdict,) = eyes(monkeypatch, hiding)
+    assert verdict.level == "missing"
+    assert verdict.found == "SteamVR hides the eye tracker, whose gaze Varjo tells"
+    assert "make Varjo the active OpenXR runtime" in verdict.remedy
+    assert str(telling) in verdict.remedy
 
 
 @pytest.mark.parametrize(
@@ -74,21 +74,21 @@ def test_a_runtime_that_hides_the_tracker_is_named_with_the_one_to_choose(runtim
     ],
 )
 def test_what_the_active_runtime_tells_of_eyes_is_said(runtimes, monkeypatch, extension, how):
-    (found,) = eyes(monkeypatch, runtimes("Vendor", gaze=True, extension=extension))
-    assert (found.level, found.found) == ("ok", f"Vendor tells {how}")
+    (verdict,) = eyes(monkeypatch, runtimes("Vendor", gaze=True, extension=extension))
+    assert (verdict.level, verdict.found) == ("ok", f"Vendor tells {how}")
 
 
 def test_a_runtime_without_a_headset_cannot_say(runtimes, monkeypatch):
-    (found,) = eyes(monkeypatch, runtimes("Alone", gaze=True, headset=False))
-    assert found.level == "warning"
-    assert "finds no headset" in found.found
-    assert "switch on the headset" in found.remedy
+    (verdict,) = eyes(monkeypatch, runtimes("Alone", gaze=True, headset=False))
+    assert verdict.level == "warning"
+    assert "finds no headset" in verdict.found
+    assert "switch on the headset" in verdict.remedy
 
 
 def test_no_tracker_anywhere_is_missing_with_what_to_allow(runtimes, monkeypatch):
-    (found,) = eyes(monkeypatch, runtimes("Plain", gaze=False))
-    assert (found.level, found.found) == ("missing", "Plain tells no gaze")
-    assert "eye tracking" in found.remedy
+    (verdict,) = eyes(monkeypatch, runtimes("Plain", gaze=False))
+    assert (verdict.level, verdict.found) == ("missing", "Plain tells no gaze")
+    assert "eye tracking" in verdict.remedy
 
 
 def test_a_runtime_that_cannot_be_loaded_is_no_answer_and_no_end(runtimes, monkeypatch, tmp_path):
@@ -98,9 +98,9 @@ def test_a_runtime_that_cannot_be_loaded_is_no_answer_and_no_end(runtimes, monke
     )
     assert ask(broken) is None
     telling = runtimes("Whole", gaze=True)
-    (found,) = eyes(monkeypatch, broken)
-    assert "cannot be asked for gaze, which Whole tells" in found.found
-    assert str(telling) in found.remedy
+    (verdict,) = eyes(monkeypatch, broken)
+    assert "cannot be asked for gaze, which Whole tells" in verdict.found
+    assert str(telling) in verdict.remedy
 
 
 def test_runtimes_are_asked_only_where_gaze_is_to_come_from_them(runtimes, monkeypatch):

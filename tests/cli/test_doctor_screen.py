@@ -48,10 +48,10 @@ def test_the_monitor_that_is_described_is_ready(monkeypatch):
     ],
 )
 def test_what_differs_is_named(monkeypatch, monitors, text, level, said):
-    found = finding(monkeypatch, *monitors, text=text)
-    assert found.level == level
-    assert said in found.found
-    assert found.remedy
+    verdict = finding(monkeypatch, *monitors, text=text)
+    assert verdict.level == level
+    assert said in verdict.found
+    assert verdict.remedy
 
 
 def test_no_headset_is_missed_where_people_sit_before_a_screen(tmp_path):
@@ -72,13 +72,13 @@ def keyboard_lab(show):
 @pytest.mark.parametrize("show", ["none", "headset", "offscreen"])
 def test_a_keyboard_that_no_window_would_hear_is_named_before_anything_is_opened(show):
     lab = keyboard_lab(show)
-    (found,) = doctor_machine._keyboards(lab)
-    assert (found.subject, found.level) == ("responses", "missing")
-    assert f"display.show is {show}" in found.found
-    assert "screen" in found.remedy
+    (verdict,) = doctor_machine._keyboards(lab)
+    assert (verdict.subject, verdict.level) == ("responses", "missing")
+    assert f"display.show is {show}" in verdict.found
+    assert "screen" in verdict.remedy
     with pytest.raises(ConfigError, match=r"no window hears devices\.responses") as told:
         check_rig(lab)
-    assert found.remedy in str(told.value)
+    assert verdict.remedy in str(told.value)
 
 
 @pytest.mark.parametrize("show", ["screen", "window"])
@@ -91,18 +91,18 @@ def test_the_table_of_luminances_is_there_wanting_or_damaged(tmp_path):
     path = tmp_path / "lab_config.yaml"
     path.write_text(TEXT, "utf-8")
     lab = load_config(path, OPTION_MODELS)
-    (found,) = doctor_machine._luminances(lab)
+    (verdict,) = doctor_machine._luminances(lab)
     assert ("note", "run: visavis devices luminance (docs/screens.md)") == (
-        found.level,
-        found.remedy,
+        verdict.level,
+        verdict.remedy,
     )
     rows = "".join(f"{level},{0.4 + level}\n" for level in (0, 50, 100, 150, 200, 255))
     lab.luminance_path.write_text(f"level,cd_m2\n{rows}", "utf-8")
-    (found,) = doctor_machine._luminances(load_config(path, OPTION_MODELS))
-    assert ("ok", "0.4 to 255.4 cd/m²") == (found.level, found.found.split(", ")[1])
+    (verdict,) = doctor_machine._luminances(load_config(path, OPTION_MODELS))
+    assert ("ok", "0.4 to 255.4 cd/m²") == (verdict.level, verdict.found.split(", ")[1])
     lab.luminance_path.write_text("level,cd_m2\n0,1\n", "utf-8")
-    (found,) = doctor_machine._luminances(load_config(path, OPTION_MODELS))
-    assert "missing" == found.level
-    assert "measure 6 or more" in found.found
+    (verdict,) = doctor_machine._luminances(load_config(path, OPTION_MODELS))
+    assert "missing" == verdict.level
+    assert "measure 6 or more" in verdict.found
     lab = parse_config(TEXT.replace("show: screen", "show: headset"), path, OPTION_MODELS)
     assert () == doctor_machine._luminances(lab)

@@ -123,8 +123,8 @@ def test_what_there_is_not_is_refused_with_what_there_is(
     option: str, known: str, session: Path, tmp_path: Path
 ) -> None:
     video = str(tmp_path / "a.avi")
-    asked = ["film", str(session), "--trial", "T01", "-o", video, option, "sideways"]
-    done = CliRunner().invoke(app, asked)
+    command = ["film", str(session), "--trial", "T01", "-o", video, option, "sideways"]
+    done = CliRunner().invoke(app, command)
     assert "sideways" in str(done.exception)
     assert known in str(done.exception)
 

@@ -148,23 +148,23 @@ def test_the_study_of_n_is_the_start_of_the_larger_one(study: KitPower, folder: 
 
 def test_drawn_people_bring_all_their_rows(study: KitPower, folder: Path) -> None:
     people, _ = study.people_of(folder, effect=1.0)
-    drawn = draw_people(people, 40, np.random.default_rng(1))
-    assert 40 * 4 == len(drawn)
+    sample = draw_people(people, 40, np.random.default_rng(1))
+    assert 40 * 4 == len(sample)
     rows = {tuple(r) for r in people.drop(columns="participant").itertuples(index=False)}
-    assert {tuple(r) for r in drawn.drop(columns="participant").itertuples(index=False)} <= rows
-    assert drawn.groupby("participant")["social_anxiety_total"].nunique().max() == 1
+    assert {tuple(r) for r in sample.drop(columns="participant").itertuples(index=False)} <= rows
+    assert sample.groupby("participant")["social_anxiety_total"].nunique().max() == 1
 
 
 def test_verdicts_are_those_of_the_study_analysis(study: KitPower, folder: Path) -> None:
 
     people, _ = study.people_of(folder, effect=1.0)
     seed = 5
-    found = study.resample(people, (12,), tuple(study.tests), seed=seed, alpha=0.05)[12]
-    drawn = draw_people(people, 12, np.random.default_rng(seed))
-    for c in compare_pairs(CONDITION_TESTS, drawn, ALL_MEASURES, experiment_of().levels):
+    tests_of_study = study.resample(people, (12,), tuple(study.tests), seed=seed, alpha=0.05)[12]
+    sample = draw_people(people, 12, np.random.default_rng(seed))
+    for c in compare_pairs(CONDITION_TESTS, sample, ALL_MEASURES, experiment_of().levels):
         name = f"{c.first}-{c.second}:{c.measure.column}"
-        assert found[name].is_significant == c.is_significant
-        assert found[name].difference == pytest.approx(c.second_mean - c.first_mean)
+        assert tests_of_study[name].is_significant == c.is_significant
+        assert tests_of_study[name].difference == pytest.approx(c.second_mean - c.first_mean)
 
 
 def test_without_an_effect_recorded_conditions_have_equal_means(
@@ -241,9 +241,9 @@ def summary_of(replicates: list[Replicate], **options: object):
 
 
 def test_the_rule_decides_which_number_is_adequate() -> None:
-    found = made_up({4: 50, 8: 84, 12: 95})
-    assert 8 == summary_of(found, rule="estimate").smallest_n
-    assert 12 == summary_of(found, rule="lower bound").smallest_n
+    repetitions = made_up({4: 50, 8: 84, 12: 95})
+    assert 8 == summary_of(repetitions, rule="estimate").smallest_n
+    assert 12 == summary_of(repetitions, rule="lower bound").smallest_n
 
 
 def test_without_an_effect_it_is_told_how_often_anything_is_found() -> None:
@@ -269,7 +269,7 @@ def test_without_an_effect_it_is_told_how_often_anything_is_found() -> None:
 
 
 def test_without_an_effect_primary_claims_are_told_apart_from_all_that_is_planned() -> None:
-    found = {
+    results = {
         "first": PlannedTestResult(True),
         PRIMARY: PlannedTestResult(False),
         ANYTHING: PlannedTestResult(True),
@@ -280,7 +280,7 @@ def test_without_an_effect_primary_claims_are_told_apart_from_all_that_is_planne
     summary = summarise(
         study,
         replace(wanted, effect=0.0),
-        [Replicate(0, {12: {**found, "second": PlannedTestResult(False)}})],
+        [Replicate(0, {12: {**results, "second": PlannedTestResult(False)}})],
         source="studies",
         people_are_simulated=True,
     )
@@ -347,8 +347,8 @@ def test_power_of_a_printed_f_with_corrected_df_is_that_of_its_people() -> None:
 
 
 def test_the_figure_names_what_is_enough_beside_its_curves() -> None:
-    drawn = draw_power(summary_of(made_up({4: 50, 8: 95, 12: 95})))
-    axes = drawn.figure.axes[0]
+    figure = draw_power(summary_of(made_up({4: 50, 8: 95, 12: 95})))
+    axes = figure.figure.axes[0]
     legend = axes.get_legend()
     assert legend is not None
     assert ["n = 8: enough", "the first"] == sorted(t.get_text() for t in legend.get_texts())
@@ -356,13 +356,13 @@ def test_the_figure_names_what_is_enough_beside_its_curves() -> None:
 
 
 def test_one_lucky_number_does_not_decide() -> None:
-    found = made_up({4: 90, 8: 60, 12: 95})
-    assert 12 == summary_of(found, rule="estimate").smallest_n
+    repetitions = made_up({4: 90, 8: 60, 12: 95})
+    assert 12 == summary_of(repetitions, rule="estimate").smallest_n
 
 
 def test_the_order_in_which_replicates_come_does_not_matter() -> None:
-    found = made_up({4: 50, 8: 84, 12: 95})
-    assert list(summary_of(found).rows()) == list(summary_of(found[::-1]).rows())
+    repetitions = made_up({4: 50, 8: 84, 12: 95})
+    assert list(summary_of(repetitions).rows()) == list(summary_of(repetitions[::-1]).rows())
 
 
 def test_a_test_that_could_not_be_made_counts_as_not_found_and_is_told() -> None:
@@ -374,8 +374,10 @@ def test_a_test_that_could_not_be_made_counts_as_not_found_and_is_told() -> None
 
 def test_too_few_replicates_for_the_rule_are_told() -> None:
     wanted = request(tests=("first",), numbers=(4,), replicates=5)
-    found = [Replicate(k, {4: {"first": PlannedTestResult(True)}}) for k in range(5)]
-    summary = summarise(TwoTests(), wanted, found, source="studies", people_are_simulated=True)
+    repetitions = [Replicate(k, {4: {"first": PlannedTestResult(True)}}) for k in range(5)]
+    summary = summarise(
+        TwoTests(), wanted, repetitions, source="studies", people_are_simulated=True
+    )
     assert summary.smallest_n is None
     assert any("ask for more" in note for note in summary.notes)
 
@@ -511,8 +513,8 @@ def test_the_first_people_of_a_pool_are_simulated_by_themselves_and_announced(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     study = Pool()
-    asked = request(numbers=(4, 6))
-    run_here = _Run(study, asked, 1, None, quiet=False)  # type: ignore[arg-type]  # all it needs
+    power_request = request(numbers=(4, 6))
+    run_here = _Run(study, power_request, 1, None, quiet=False)  # type: ignore[arg-type]  # all it needs
     people, kind, _, _ = run_here.people(None, fast=True, pool=21)
     assert people is not None
     assert [1, 1, 8, 8, 3] == study.portions

@@ -55,11 +55,11 @@ def preview(*arguments: object) -> str:
 
 @pytest.fixture(scope="module")
 def captured() -> Capture:
-    made = Capture(
+    preview_capture = Capture(
         find_study("stare"), load_lab(EXAMPLE, "sim", quiet=True), number=1, index=1, seed=1
     )
-    made.perform(until_s=0.5)
-    return made
+    preview_capture.perform(until_s=0.5)
+    return preview_capture
 
 
 @pytest.mark.parametrize("study", ["stare", "crowd"])
@@ -90,8 +90,8 @@ def test_preview_shows_the_trial_that_plan_lists(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     CliRunner().invoke(app, ["init"])
-    asked = ["waving", *who, "--set", "clerk=[clerk_left]"]
-    plan = json.loads(CliRunner().invoke(app, ["plan", *asked, "--json"]).stdout)
+    options = ["waving", *who, "--set", "clerk=[clerk_left]"]
+    plan = json.loads(CliRunner().invoke(app, ["plan", *options, "--json"]).stdout)
     listed = next(
         t for b in plan["blocks"] for t in b["trials"] if t["number"] == 2 and not t["is_practice"]
     )
@@ -103,7 +103,7 @@ def test_preview_shows_the_trial_that_plan_lists(
 
     monkeypatch.setattr(Capture, "perform", keep)
     with pytest.raises(UsageError, match="seen"):
-        preview(*asked, "--trial", 2, "--png", "a.png")
+        preview(*options, "--trial", 2, "--png", "a.png")
 
     assert listed["factors"] == dict(shown[0].trial.factors)
 
@@ -290,8 +290,10 @@ def trial(t):
 def test_a_preview_goes_on_to_the_questions_put_in_the_dark(tmp_path: Path) -> None:
     (tmp_path / "short.py").write_text(SHORT_STUDY, "utf-8")
     lab = load_lab(EXAMPLE, "sim", quiet=True)
-    made = Capture(find_study(str(tmp_path / "short.py")), lab, number=1, index=0, seed=1)
-    frames = made.perform()
+    preview_capture = Capture(
+        find_study(str(tmp_path / "short.py")), lab, number=1, index=0, seed=1
+    )
+    frames = preview_capture.perform()
     boards = [k for k, seen in enumerate(frames) if has_board(seen.view)]
     assert not has_board(frames[0].view)
     assert is_lit(frames[0].view)

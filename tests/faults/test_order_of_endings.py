@@ -74,12 +74,12 @@ def test_devices_are_closed_before_the_stage_and_both_once_however_it_ends(
         monkeypatch.setattr(
             SimulatedResponses, "open", lambda *_: throws(DeviceError("no buttons"))()
         )
-    made = replace(request(lab(tmp_path), trial_s=0.5), stage_for=Stage)
+    session_request = replace(request(lab(tmp_path), trial_s=0.5), stage_for=Stage)
     if ending in ENDINGS:
-        made = replace(made, operator=Ending(FRAME, ENDINGS[ending][0]))
+        session_request = replace(session_request, operator=Ending(FRAME, ENDINGS[ending][0]))
     if ending == "to the end":
-        perform_new(made)
+        perform_new(session_request)
     else:
         with pytest.raises(ENDINGS.get(ending, (None, BaseException))[1]):
-            perform_new(made)
+            perform_new(session_request)
     assert ["headset", "stage"] == closed

@@ -29,13 +29,15 @@ def test_a_session_resumed_in_a_block_that_does_not_calibrate_is_calibrated(
     tmp_path: Path,
 ) -> None:
     config = lab(tmp_path)
-    made = request(config)
-    made = replace(made, experiment=CalibratedOnce(study, made.experiment.parameters))
+    session_request = request(config)
+    session_request = replace(
+        session_request, experiment=CalibratedOnce(study, session_request.experiment.parameters)
+    )
     operator = ScriptedOperator((SessionState.BREAK, 2, 2, Command(Action.ABORT)))
     with pytest.raises(SessionAborted):
-        perform_new(replace(made, operator=operator))
+        perform_new(replace(session_request, operator=operator))
 
-    session = Recording(perform_rest(made, path_of(config)))
+    session = Recording(perform_rest(session_request, path_of(config)))
 
     rows = session.trials()
     assert [1, 2] == sorted(set(rows["part"]))

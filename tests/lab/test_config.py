@@ -195,14 +195,14 @@ def test_every_problem_is_told_at_once_with_file_line_and_key(tmp_path):
 )
 def test_a_problem_names_line_key_and_way_out(old, new, line, key, message):
     assert old in GOOD
-    found = problems(GOOD.replace(old, new))
-    matching = [p for p in found if p.key == key and message in p.message]
+    errors = problems(GOOD.replace(old, new))
+    matching = [p for p in errors if p.key == key and message in p.message]
     assert [line] == [p.line for p in matching]
 
 
 def test_a_misspelt_top_key_gives_the_nearest():
-    found = problems(GOOD.replace("data_root", "data_rot"))
-    assert any("did you mean 'data_root'" in p.message and p.line == 2 for p in found)
+    errors = problems(GOOD.replace("data_root", "data_rot"))
+    assert any("did you mean 'data_root'" in p.message and p.line == 2 for p in errors)
 
 
 @pytest.mark.parametrize(

@@ -39,8 +39,8 @@ class House:
     @takes_keywords_of(Keywords)
     def __init__(self, name: str, **keywords: Any) -> None:
         self.name = name
-        made = parts_from(PARTS, keywords)
-        self.walls, self.roof = made["walls"], made["roof"]
+        whole = parts_from(PARTS, keywords)
+        self.walls, self.roof = whole["walls"], whole["roof"]
 
 
 def test_a_keyword_goes_to_the_part_that_has_a_field_of_its_name() -> None:
@@ -89,9 +89,9 @@ def test_what_is_made_of_parts_takes_its_own_keywords_those_of_parts_and_parts_w
     kind: Any, keywords: dict[str, Any], parts: Any
 ) -> None:
     taken = set(inspect.signature(kind).parameters)
-    made = kind(**keywords)
-    own = {name for name in vars(made) if not name.startswith("_")}
+    whole = kind(**keywords)
+    own = {name for name in vars(whole) if not name.startswith("_")}
     assert own | {*parts, *part_of(parts)} == taken
     for name, part in part_of(parts).items():
         with pytest.raises(AttributeError, match=rf"in a part: \.{part}\.{name}"):
-            getattr(made, name)
+            getattr(whole, name)

@@ -39,7 +39,7 @@ def plain(name: str) -> str:
 
 def brought(*texts: str) -> set[str]:
     """Return the distributions that requirements bring with them, directly or by another."""
-    found: set[str] = set()
+    names: set[str] = set()
     left = [(Requirement(text), "") for text in texts]
     while left:
         requirement, extra = left.pop()
@@ -49,15 +49,15 @@ def brought(*texts: str) -> set[str]:
         if name == plain(PROJECT["name"]):
             left += [(Requirement(t), "") for e in requirement.extras for t in EXTRAS[e]]
             continue
-        if name in found and not requirement.extras:
+        if name in names and not requirement.extras:
             continue
-        found.add(name)
+        names.add(name)
         try:
-            asked = metadata.requires(name) or []
+            requirements = metadata.requires(name) or []
         except metadata.PackageNotFoundError:
             continue
-        left += [(Requirement(t), e) for t in asked for e in ("", *requirement.extras)]
-    return found
+        left += [(Requirement(t), e) for t in requirements for e in ("", *requirement.extras)]
+    return names
 
 
 def absent_without(present: set[str]) -> set[str]:
@@ -81,15 +81,17 @@ def measured(absent: set[str]) -> subprocess.CompletedProcess[str]:
 
 
 def test_statistics_are_measured_and_benchmarks_found_in_a_fresh_development_install() -> None:
-    asked = [*PROJECT["dependencies"], *EXTRAS["dev"]]
-    done = measured(absent_without(brought(*asked)))
+    requirements = [*PROJECT["dependencies"], *EXTRAS["dev"]]
+    done = measured(absent_without(brought(*requirements)))
     assert 0 == done.returncode, done.stderr
     assert "import of the package" in done.stdout
 
 
 def test_what_is_not_brought_is_not_found() -> None:
-    asked = [t for t in PROJECT["dependencies"] if plain(Requirement(t).name) != "statsmodels"]
-    without = absent_without(brought(*asked))
+    requirements = [
+        t for t in PROJECT["dependencies"] if plain(Requirement(t).name) != "statsmodels"
+    ]
+    without = absent_without(brought(*requirements))
     assert "statsmodels" in without
     done = measured({"statsmodels"})
     assert 0 != done.returncode

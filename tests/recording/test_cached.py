@@ -14,13 +14,13 @@ def test_a_kept_recording_says_what_the_recording_says_and_reads_each_file_once(
     plain = perform("duel", tmp_path, repetitions=1, practice=0)
     kept = CachedRecording(plain.path)
     middle = int(plain.stream_arrays("head")["t_host_ns"][500])
-    for asked in ({}, {"part": 1}, {"part": 1, "t_end_ns": middle}, {"t_start_ns": middle}):
-        wanted, found = plain.stream_arrays("head", **asked), kept.stream_arrays("head", **asked)
-        assert wanted.keys() == found.keys()
-        assert all(np.array_equal(wanted[name], found[name]) for name in wanted)
+    for span in ({}, {"part": 1}, {"part": 1, "t_end_ns": middle}, {"t_start_ns": middle}):
+        wanted, rows = plain.stream_arrays("head", **span), kept.stream_arrays("head", **span)
+        assert wanted.keys() == rows.keys()
+        assert all(np.array_equal(wanted[name], rows[name]) for name in wanted)
     assert kept.stream_arrays("head", part=1) is kept.stream_arrays("head", part=1)
     assert plain.events().equals(kept.events())
     assert plain.events_named("answered", 1).equals(kept.events_named("answered", 1))
     assert plain.trials().equals(kept.trials())
-    made: list[list[int]] = [kept.once("a", list) for _ in range(2)]
-    assert made[0] is made[1]
+    lists: list[list[int]] = [kept.once("a", list) for _ in range(2)]
+    assert lists[0] is lists[1]

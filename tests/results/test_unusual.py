@@ -45,10 +45,10 @@ def analysis_of(values: Any, **columns: dict[int, Any]) -> StudyAnalysis:
         for trial, value in changed.items():
             rows.loc[trial - 1, name] = value
     measure = SimpleNamespace(column="dwell_ms", words="Dwell time", unit="ms", digits=0)
-    found: Any = SimpleNamespace(
+    unusual: Any = SimpleNamespace(
         selection=_Selection(rows), cells=("kind",), findings=[SimpleNamespace(measure=measure)]
     )
-    return cast(StudyAnalysis, found)
+    return cast(StudyAnalysis, unusual)
 
 
 def plain(n: int = 9) -> Any:
@@ -62,11 +62,11 @@ def test_trials_like_the_others_are_not_listed() -> None:
 def test_a_value_far_from_the_same_person_s_others_of_its_kind_is_listed() -> None:
     values = plain()
     values[3] = 1500.0
-    (found,) = unusual_trials(analysis_of(values))
+    (unusual,) = unusual_trials(analysis_of(values))
     # median 550, median absolute deviation 30: 0.6745 * 950 / 30
     assert ("T04", "1500 ms, far above their others of this kind (modified z 21.4)") == (
-        found.trial_id,
-        found.why.removeprefix("Dwell time "),
+        unusual.trial_id,
+        unusual.why.removeprefix("Dwell time "),
     )
 
 
@@ -78,7 +78,7 @@ def test_of_few_trials_none_lies_apart(n: int) -> None:
 
 
 def test_flagged_broken_off_and_left_out_trials_are_listed_with_why_but_no_practice() -> None:
-    made = analysis_of(
+    analysis = analysis_of(
         plain(),
         flags={1: "operator_flag;unwell", 9: "unwell"},
         status={2: "skipped"},
@@ -96,7 +96,7 @@ def test_flagged_broken_off_and_left_out_trials_are_listed_with_why_but_no_pract
         TrialToSee("01A", "ses-001", "T01", "operator_flag, unwell"),
         TrialToSee("01A", "ses-001", "T02", "skipped: disturbance: door"),
         TrialToSee("01A", "ses-001", "T03", "left out: 60 % lost"),
-    ) == unusual_trials(made)
+    ) == unusual_trials(analysis)
 
 
 def test_a_trial_leads_to_its_page_where_that_stands_and_else_gives_the_command(

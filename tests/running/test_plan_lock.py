@@ -126,10 +126,10 @@ def test_the_one_deviation_is_named_and_what_is_added_is_exploratory(studied: Pa
     told = ran("analyse", str(folder), "--processes", "1", "--set", "max_bad_trials_01=0.3")
 
     assert "1 deviation" in told
-    found = pd.read_csv(folder / "derived" / "deviations.csv")
+    deviations = pd.read_csv(folder / "derived" / "deviations.csv")
     assert [("exclusion max_bad_trials_01: limit", 0.5, 0.3, "this analysis")] == [
         (r["what"], float(r["planned"]), float(r["done"]), r["since"])
-        for r in found.to_dict("records")
+        for r in deviations.to_dict("records")
     ]
     page = (folder / "derived" / "report.html").read_text("utf-8")
     section = page[page.index('id="plan"') :]
@@ -153,9 +153,9 @@ def test_a_deviation_that_sessions_recorded_counts_from_the_first_of_them(tmp_pa
     file.write_text(STUDY.replace("claim=", "alpha=0.1, claim="), "utf-8")
     visavis.simulate(str(file), 3, output=tmp_path, processes=1)
     ran("analyse", str(data.path), "--processes", "1")
-    found = pd.read_csv(data.path / "derived" / "deviations.csv").set_index("what")
-    assert "S02C, 2000-01-01" == found.loc["comparison liking by eyes: alpha", "since"]
-    assert "S01B, 2000-01-01" == found.loc["sessions without the plan's hash", "since"]
+    deviations = pd.read_csv(data.path / "derived" / "deviations.csv").set_index("what")
+    assert "S02C, 2000-01-01" == deviations.loc["comparison liking by eyes: alpha", "since"]
+    assert "S01B, 2000-01-01" == deviations.loc["sessions without the plan's hash", "since"]
     assert "after 1 session had been recorded" in (data.path / "derived" / "report.html").read_text(
         "utf-8"
     )

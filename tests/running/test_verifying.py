@@ -168,11 +168,13 @@ def resumed(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     folder = tmp_path_factory.mktemp("resumed")
     study = opened("duel")
     experiment = study.experiment({"repetitions": 1, "practice": 0})
-    made = simulated_request(study, experiment, lab(folder), label="S01", index=0, seed=1)
+    session_request = simulated_request(
+        study, experiment, lab(folder), label="S01", index=0, seed=1
+    )
     with pytest.raises(SessionAborted):
-        perform_new(replace(made, operator=Killed(900)))
+        perform_new(replace(session_request, operator=Killed(900)))
     path = next(folder.glob("simulated/duel/sub-*/ses-001"))
-    return Recording(perform_rest(replace(made, clock=SimClock()), path))
+    return Recording(perform_rest(replace(session_request, clock=SimClock()), path))
 
 
 def test_a_resumed_session_is_the_same_bit_for_bit_part_by_part(
@@ -215,14 +217,16 @@ def test_a_resumed_session_is_the_same_whatever_was_measured_of_the_screen_since
 def test_what_an_operator_did_is_done_again(tmp_path: Path) -> None:
     study = opened("duel")
     experiment = study.experiment({"repetitions": 1, "practice": 0})
-    made = simulated_request(study, experiment, lab(tmp_path / "a"), label="S01", index=0, seed=1)
+    session_request = simulated_request(
+        study, experiment, lab(tmp_path / "a"), label="S01", index=0, seed=1
+    )
     keys = ScriptedOperator(
         (SessionState.TRIAL, 1, 9, Command(Action.REPEAT)),
         (SessionState.TRIAL, 3, 5, Command(Action.NOTE, "yawned")),
         (SessionState.TRIAL, 4, 5, Command(Action.ABORT)),
     )
     with pytest.raises(SessionAborted):
-        perform_new(replace(made, operator=keys))
+        perform_new(replace(session_request, operator=keys))
     recording = Recording(next((tmp_path / "a").glob("simulated/duel/sub-*/ses-001")))
     assert {"repeat", "note", "abort"} <= {
         e["payload"]["action"] for e in recording.journal(1).events if e["name"] == "operator"

@@ -20,17 +20,17 @@ from visavis.stimuli.picture import Panel, Picture
 @pytest.fixture(scope="module")
 def renderer() -> Iterator[Renderer]:
     try:
-        made = Renderer()
+        engine = Renderer()
     except StageError as problem:
         pytest.skip(str(problem))
-    with made:
-        yield made
+    with engine:
+        yield engine
 
 
 @pytest.fixture(scope="module")
 def lightest(renderer: Renderer) -> Iterator[Renderer]:
-    with Renderer(renderer.context, quality=LIGHTEST) as made:
-        yield made
+    with Renderer(renderer.context, quality=LIGHTEST) as engine:
+        yield engine
 
 
 def test_people_stand_out_from_the_empty_room(renderer: Renderer) -> None:
@@ -89,10 +89,10 @@ def test_pictures_of_a_camera_that_stands_still_are_as_each_alone(lightest: Rend
 
 
 def test_the_room_of_a_camera_that_stands_still_is_drawn_twice_at_most(lightest: Renderer) -> None:
-    with patch.object(PropBuffers, "draw") as drawn:
+    with patch.object(PropBuffers, "draw") as draw:
         for count in (1, 2, 1, 2):
             lightest.image(figures.picture(count), figures.camera(), (80, 60))
-    assert drawn.call_count == 2
+    assert draw.call_count == 2
 
 
 def test_a_room_that_is_lit_otherwise_is_drawn_anew(lightest: Renderer) -> None:

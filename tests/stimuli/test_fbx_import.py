@@ -39,14 +39,14 @@ def _imported(path: Path) -> Imported:
 @needs_blender
 @pytest.mark.timeout(300)  # starts Blender twice
 def test_figure_from_fbx_is_the_one_that_was_written(tmp_path: Path) -> None:
-    path, made = tmp_path / "probe_F_1.glb", tmp_path / "probe_F_1.fbx"
+    path, fbx_path = tmp_path / "probe_F_1.glb", tmp_path / "probe_F_1.fbx"
     write_glb(path)
     blender = find_blender()
     assert blender is not None
     command = [blender, "--background", "--factory-startup", "--python-expr", TO_FBX]
-    subprocess.run([*command, "--", str(path), str(made)], check=True, capture_output=True)
+    subprocess.run([*command, "--", str(path), str(fbx_path)], check=True, capture_output=True)
 
-    result = _imported(made)
+    result = _imported(fbx_path)
 
     assert result.problem == ""
     expected, person = import_gltf(path), load_character("probe_F_1", tmp_path / "library")
@@ -184,21 +184,21 @@ os.remove(f"{textures}/lost.png")
 def test_pictures_beside_a_figure_are_found_and_those_lost_are_named(tmp_path: Path) -> None:
     for name in ("Export", "elsewhere"):
         (tmp_path / name).mkdir()
-    path, made = tmp_path / "probe_F_1.glb", tmp_path / "Export" / "probe_F_1.fbx"
+    path, fbx_path = tmp_path / "probe_F_1.glb", tmp_path / "Export" / "probe_F_1.fbx"
     write_glb(path)
     blender = find_blender()
     assert blender is not None
     command = [blender, "--background", "--factory-startup", "--python-expr", DRESSED, "--"]
-    paths = (str(path), str(made), str(tmp_path / "elsewhere"))
+    paths = (str(path), str(fbx_path), str(tmp_path / "elsewhere"))
     subprocess.run([*command, *paths], check=True, capture_output=True)
     (tmp_path / "elsewhere").rename(tmp_path / "Textures")
 
-    result = _imported(made)
+    result = _imported(fbx_path)
 
     assert result.problem == ""
     (told,) = result.odd
     assert "lacks the pictures lost.png, so" in told
-    person = load_character("probe_F_1", made.parent / "library")
+    person = load_character("probe_F_1", fbx_path.parent / "library")
     worn = {m.name.partition(":")[0]: m for m in person.materials if m.texture_srgb is not None}
     assert {"body", "lashes"} == set(worn)
     lashes = worn["lashes"].texture_srgb

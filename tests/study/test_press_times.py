@@ -29,18 +29,18 @@ def answer(frames, limit_s=1.0):
 
 
 def test_a_press_between_two_frames_is_timed_by_itself():
-    found = answer([frame(117), frame(133, ["j"], [121.4])])
-    assert (found.option, found.ms) == ("j", pytest.approx(21.4))
+    press = answer([frame(117), frame(133, ["j"], [121.4])])
+    assert (press.option, press.ms) == ("j", pytest.approx(21.4))
 
 
 def test_the_first_of_two_presses_of_one_frame_counts():
-    found = answer([frame(117, ["f", "j"], [104.0, 110.0])])
-    assert (found.option, found.ms) == ("f", pytest.approx(4.0))
+    press = answer([frame(117, ["f", "j"], [104.0, 110.0])])
+    assert (press.option, press.ms) == ("f", pytest.approx(4.0))
 
 
 def test_a_press_made_before_the_onset_is_no_answer_though_it_comes_later():
-    found = answer([frame(117, ["f"], [99.0]), frame(133, ["j"], [130.0])])
-    assert (found.option, found.ms) == ("j", pytest.approx(30.0))
+    press = answer([frame(117, ["f"], [99.0]), frame(133, ["j"], [130.0])])
+    assert (press.option, press.ms) == ("j", pytest.approx(30.0))
 
 
 def test_a_press_after_the_limit_is_no_answer_though_its_frame_began_before():

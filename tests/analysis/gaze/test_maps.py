@@ -23,17 +23,17 @@ def test_areas_of_a_picture_add_up_to_its_solid_angle() -> None:
 
 @given(st.floats(-0.6, 0.6), st.floats(-0.35, 0.35), st.floats(0.01, 100))
 def test_seconds_are_kept_and_lie_where_one_looked(x: float, y: float, seconds: float) -> None:
-    made = dwell_map(GRID, np.array([x]), np.array([y]), np.array([seconds]))
-    assert (made * GRID.area_deg2()).sum() == pytest.approx(seconds, rel=1e-4)
-    row, column = np.unravel_index(made.argmax(), made.shape)
+    dwell = dwell_map(GRID, np.array([x]), np.array([y]), np.array([seconds]))
+    assert (dwell * GRID.area_deg2()).sum() == pytest.approx(seconds, rel=1e-4)
+    row, column = np.unravel_index(dwell.argmax(), dwell.shape)
     xs, ys = GRID.centres()
     assert abs(xs[column] - x) <= GRID.half_width / GRID.columns + 1e-9
     assert abs(ys[row] - y) <= GRID.half_height / GRID.rows + 1e-9
 
 
 def test_gaze_beyond_the_picture_counts_nowhere() -> None:
-    made = dwell_map(GRID, np.array([0.81, 0.0]), np.array([0.0, -0.51]), np.ones(2))
-    assert 0 == made.sum()
+    dwell = dwell_map(GRID, np.array([0.81, 0.0]), np.array([0.0, -0.51]), np.ones(2))
+    assert 0 == dwell.sum()
 
 
 def maps_of(n: int, effect: float, seed: int) -> np.ndarray:
@@ -45,11 +45,11 @@ def maps_of(n: int, effect: float, seed: int) -> np.ndarray:
 
 def test_a_planted_difference_is_found_where_it_is_and_in_its_direction() -> None:
     for effect, is_more in ((1.5, True), (-1.5, False)):
-        found = [c for c in clusters_of_difference(maps_of(16, effect, 1)) if c.p < 0.05]
-        assert [is_more] == [c.is_more for c in found]
-        inside = found[0].cells[10:16, 20:28].sum()
+        clusters = [c for c in clusters_of_difference(maps_of(16, effect, 1)) if c.p < 0.05]
+        assert [is_more] == [c.is_more for c in clusters]
+        inside = clusters[0].cells[10:16, 20:28].sum()
         assert inside > 40
-        assert found[0].cells.sum() - inside < 12
+        assert clusters[0].cells.sum() - inside < 12
 
 
 def test_exchanging_the_conditions_exchanges_the_direction_and_nothing_else() -> None:

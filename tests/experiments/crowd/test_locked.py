@@ -48,16 +48,16 @@ def test_a_locked_crowd_study_keeps_comparisons_rules_and_thresholds(tmp_path: P
 def test_a_threshold_set_otherwise_than_locked_is_a_deviation(settings, named) -> None:
     experiment = OPENED.experiment({})
     planned = content_now(OPENED, experiment, 1)
-    found = deviations_between(planned, content_now(OPENED, experiment, 1, settings))
-    assert named == {f"{d.part} {d.name}" for d in found}
+    deviations = deviations_between(planned, content_now(OPENED, experiment, 1, settings))
+    assert named == {f"{d.part} {d.name}" for d in deviations}
 
 
 def test_another_alpha_than_locked_is_a_deviation_of_every_comparison() -> None:
     experiment = OPENED.experiment({})
     planned = content_now(OPENED, experiment, 1)
-    found = deviations_between(planned, content_now(OPENED, experiment, 1, {"alpha": 0.01}))
-    assert {"comparisons"} == {d.part for d in found}
-    assert len(OPENED.study.analysis.compare) == len(found)
+    deviations = deviations_between(planned, content_now(OPENED, experiment, 1, {"alpha": 0.01}))
+    assert {"comparisons"} == {d.part for d in deviations}
+    assert len(OPENED.study.analysis.compare) == len(deviations)
 
 
 def test_a_locked_crowd_study_is_analysed_and_its_report_names_what_deviates(
@@ -89,6 +89,6 @@ def test_a_locked_crowd_study_is_analysed_and_its_report_names_what_deviates(
     data = visavis.simulate("crowd", 1, output=tmp_path, parameters=short, processes=1)
     settings = ["surface=capsules", "came_back=null"]
     report = analyse_study(data.path, processes=1, measure=settings, notifier=Silent())
-    found = pd.read_csv(report.parent / "deviations.csv")
-    assert ["test rule surface", "exclusion came_back: limit"] == found["what"].tolist()
+    deviations = pd.read_csv(report.parent / "deviations.csv")
+    assert ["test rule surface", "exclusion came_back: limit"] == deviations["what"].tolist()
     assert "came_back" in report.read_text(encoding="utf-8").partition('id="plan"')[2]

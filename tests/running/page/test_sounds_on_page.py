@@ -161,16 +161,16 @@ def test_a_trial_whose_sound_broke_off_is_flagged_though_it_was_heard_again(
 
 
 def test_a_bundle_has_the_files_of_its_sounds(tmp_path: Path) -> None:
-    asked = request(tmp_path)
-    store = film_store(asked.experiment)
-    steps = steps_of_place(asked, store, 0)
+    page_request = request(tmp_path)
+    store = film_store(page_request.experiment)
+    steps = steps_of_place(page_request, store, 0)
     (preload,) = (step for step in steps if step.kind == "preload")
     names = {sound["sound"] for sound in preload.content["sounds"]}
     assert 4 == len(names)  # the hum, and tones of three pitches
-    assert names == set(files_of(store, asked.experiment)[1])
+    assert names == set(files_of(store, page_request.experiment)[1])
 
 
 def test_a_sound_that_cannot_be_played_is_no_silence(tmp_path: Path) -> None:
-    asked = request_of(STUDY, tmp_path)
+    page_request = request_of(STUDY, tmp_path)
     with pytest.raises(DesignError, match=r"hum\.wav: cannot be read"):
-        steps_of_place(asked, film_store(asked.experiment), 0)
+        steps_of_place(page_request, film_store(page_request.experiment), 0)

@@ -371,9 +371,9 @@ CONVENTIONS = {
 def test_joints_of_common_conventions_are_recognised(convention: str) -> None:
     text, expected = CONVENTIONS[convention]
 
-    found = match_joints(tree(text))
+    match = match_joints(tree(text))
 
-    assert expected == {name: found.get(name) for name in expected}
+    assert expected == {name: match.get(name) for name in expected}
 
 
 def test_joints_may_be_said_over_what_their_names_tell() -> None:
@@ -381,8 +381,8 @@ def test_joints_may_be_said_over_what_their_names_tell() -> None:
     plain = tree(text.replace("Head", "Kopf"))
     with pytest.raises(MotionError, match="head"):
         match_joints(plain)
-    found = match_joints(plain, {"head": "Kopf", "hips": "joint_Root"})
-    assert (found["head"], found["hips"], found["neck"]) == ("Kopf", "joint_Root", "Neck")
+    match = match_joints(plain, {"head": "Kopf", "hips": "joint_Root"})
+    assert (match["head"], match["hips"], match["neck"]) == ("Kopf", "joint_Root", "Neck")
     with pytest.raises(MotionError, match="no joint 'Fuss', said to be left_foot"):
         match_joints(plain, {"head": "Kopf", "left_foot": "Fuss"})
     with pytest.raises(MotionError, match="no joint of ours is called 'kopf'"):
@@ -390,9 +390,9 @@ def test_joints_may_be_said_over_what_their_names_tell() -> None:
 
 
 def test_our_own_joints_are_recognised_all() -> None:
-    found = match_joints(CANONICAL)
+    match = match_joints(CANONICAL)
 
-    assert IDENTITY_MAP == dict(found)
+    assert IDENTITY_MAP == dict(match)
 
 
 def test_joints_that_cannot_be_recognised_are_named() -> None:

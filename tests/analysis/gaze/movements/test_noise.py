@@ -32,31 +32,31 @@ def test_fixations_are_as_many_and_as_long_as_they_are(rate_hz: float, noise_deg
 
 def test_velocity_is_smoothed_by_as_much_as_the_noise_asks_and_says_so() -> None:
     recordings = [worn_set(Wearing(0.0, noise_deg), 1)[0] for noise_deg in NOISES_DEG]
-    found = [detect_movements(r.t_ns, r.in_world) for r in recordings]
+    movements = [detect_movements(r.t_ns, r.in_world) for r in recordings]
 
-    windows_ms = [f.window_ms for f in found]
+    windows_ms = [f.window_ms for f in movements]
     assert windows_ms == sorted(windows_ms)
     assert windows_ms[0] == 20.0
     assert windows_ms[-1] > 40.0
-    assert "ms, as noise asks" not in found[0].why
-    assert f"velocity over {windows_ms[-1]:.0f} ms, as noise asks" in found[-1].why
+    assert "ms, as noise asks" not in movements[0].why
+    assert f"velocity over {windows_ms[-1]:.0f} ms, as noise asks" in movements[-1].why
 
 
 def test_the_detector_does_not_change_with_noise_from_trial_to_trial() -> None:
-    found = {
+    movements = {
         detect_movements(r.t_ns, r.in_world).detector
         for noise_deg in NOISES_DEG
         for r in worn_set(Wearing(0.0, noise_deg), 2)
     }
-    assert found == {"engbert_kliegl"}
+    assert movements == {"engbert_kliegl"}
 
 
 def test_ends_of_saccades_are_those_of_gaze_and_not_of_the_window() -> None:
     r = worn_set(Wearing(0.0, 0.1, rate_hz=250.0), 1)[0]
     wide = MovementParameters(windows_ms=(20.0, 80.0), wide_max_threshold_deg_s=1.0)
 
-    found = detect_movements(r.t_ns, r.in_world, wide)
+    movements = detect_movements(r.t_ns, r.in_world, wide)
 
-    assert found.window_ms == 80.0
+    assert movements.window_ms == 80.0
     true_rows = (r.truth.movement == Movement.SACCADE).sum()
-    assert (found.movement == Movement.SACCADE).sum() == pytest.approx(true_rows, rel=0.3)
+    assert (movements.movement == Movement.SACCADE).sum() == pytest.approx(true_rows, rel=0.3)
