@@ -21,13 +21,13 @@ def names_of_areas(folder: Path, name: str) -> Iterator[str]:
                 yield (Path(name).parent / str(area["mask"])).as_posix()
 
 
-def with_areas_there(stimulus: Stimulus, folder: Path, gone: set[str]) -> Stimulus:
+def with_areas_there(stimulus: Stimulus, folder: Path, names_gone: set[str]) -> Stimulus:
     """Return a stimulus, without areas of interest where one of their files is not in the folder:
-    its name is then added to those that are `gone`.
+    its name is then added to those in `names_gone`.
     """
     if not isinstance(stimulus, Image | Video | Panorama) or not stimulus.areas:
         return stimulus
     names = names_of_areas(folder, stimulus.areas)
-    absent = [name for name in names if not (folder / name).is_file()]
-    gone.update(absent)
-    return replace(stimulus, areas="") if absent else stimulus
+    absences = [name for name in names if not (folder / name).is_file()]
+    names_gone.update(absences)
+    return replace(stimulus, areas="") if absences else stimulus

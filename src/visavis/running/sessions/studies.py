@@ -381,8 +381,8 @@ def _with_recorded_design(
     parameters = {} if settings is None else settings.parameters
     now = opened_study.experiment(parameters, is_recorded=True)
     if now.areas_gone:
-        gone = ", ".join(sorted(now.areas_gone))
-        notifier.warn(f"{gone} is gone: areas of interest are those of the recordings")
+        names = ", ".join(sorted(now.areas_gone))
+        notifier.warn(f"{names} is gone: areas of interest are those of the recordings")
     changes, mixture_warning = compare_designs(manifests, now)
     require_recorded_factors(folder, manifests, now)
     if changes:

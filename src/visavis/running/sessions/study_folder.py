@@ -348,11 +348,11 @@ def words_on_files(study: OpenedStudy, recordings: Sequence[Recording]) -> str:
         return f"{_first_of(names)} {what} {_first_of(paths)} {were} recorded" if names else ""
 
     others = words(changed_files, "is another file now than when", "are other files now than when")
-    gone = words(files_gone, "is gone since", "are gone since")
+    losses = words(files_gone, "is gone since", "are gone since")
     return "\n".join(
         (
             *([f"{others}; put them back to see what was shown"] if others else []),
-            *([f"{gone}; areas of interest are those of the recording"] if gone else []),
+            *([f"{losses}; areas of interest are those of the recording"] if losses else []),
         )
     )
 
