@@ -10,7 +10,7 @@ from visavis.analysis.collisions.tiles import Crossings
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 
-_CELL_M = 0.02
+_CELL_M = 0.03
 _MAX_CELLS = 96
 _SLACK = 1e-12
 _ROUNDING_M = 1e-9
@@ -46,58 +46,82 @@ def crossing_box(
     # Over each cell of a grid both surfaces lie between two heights. Only faces between the higher
     # floor and the lower ceiling can cross, and those of the same cell alone are compared.
     grid = _grid_over(low_m, high_m)
-    cells = grid.shape[0] * grid.shape[1]
-    boxes, spans = _boxes(vertices_b, faces_b, near_b, low_m, high_m, grid)
-    mine, reach = _boxes(vertices_a, faces_a, near_a, low_m, high_m, grid)
+    across = grid.shape[1]
+    cells = grid.shape[0] * across
+    axis_u, axis_v, axis_w = grid.axes[0], grid.axes[1], grid.axes[2]
     floor, ceiling = np.full(cells, -np.inf), np.full(cells, np.inf)
-    _narrow(boxes, spans, grid, floor, ceiling)
-    _narrow(mine, reach, grid, floor, ceiling)
+    near_b, boxes, spans = _boxes(vertices_b, faces_b, near_b, low_m, high_m, grid, floor, ceiling)
+    near_a, mine, reach = _boxes(vertices_a, faces_a, near_a, low_m, high_m, grid, floor, ceiling)
     # Faces of b by cell, their boxes one after the other.
     begin = np.zeros(cells + 1, np.int32)
     for j in range(near_b.shape[0]):
+        least, most = boxes[j, 2], boxes[j, 5]
         for x in range(spans[j, 0], spans[j, 2]):
-            for y in range(spans[j, 1], spans[j, 3]):
-                cell = x * grid.shape[1] + y
-                begin[cell + 1] += boxes[j, 2] <= ceiling[cell] and boxes[j, 5] >= floor[cell]
-    most = 0
+            for cell in range(x * across + spans[j, 1], x * across + spans[j, 3]):
+                begin[cell + 1] += (least <= ceiling[cell]) & (most >= floor[cell])
+    longest = 0
     for cell in range(cells):
-        most = max(most, begin[cell + 1])
+        longest = max(longest, begin[cell + 1])
         begin[cell + 1] += begin[cell]
     box = np.empty((2, 3))
     box[0], box[1] = np.inf, -np.inf
     n_meetings = 0
-    if most == 0:
+    if longest == 0:
         return 0, box
     owner, theirs = np.empty(begin[cells], np.int32), np.empty((begin[cells], 6))
     after = begin[:cells].copy()
     for j in range(near_b.shape[0]):
+        least, most = boxes[j, 2], boxes[j, 5]
         for x in range(spans[j, 0], spans[j, 2]):
-            for y in range(spans[j, 1], spans[j, 3]):
-                cell = x * grid.shape[1] + y
-                if boxes[j, 2] <= ceiling[cell] and boxes[j, 5] >= floor[cell]:
-                    owner[after[cell]] = j
-                    theirs[after[cell]] = boxes[j]
+            for cell in range(x * across + spans[j, 1], x * across + spans[j, 3]):
+                if least <= ceiling[cell] and most >= floor[cell]:
+                    at = np.uint32(after[cell])
                     after[cell] += 1
-    hits = np.empty(most + 1, np.int32)
+                    owner[at] = j
+                    for k in range(6):
+                        theirs[at, k] = boxes[j, k]
+    hits = np.empty(longest + 1, np.int32)
     for i in range(near_a.shape[0]):
+        u0, v0, w0, u1, v1, w1 = (
+            mine[i, 0],
+            mine[i, 1],
+            mine[i, 2],
+            mine[i, 3],
+            mine[i, 4],
+            mine[i, 5],
+        )
         for x in range(reach[i, 0], reach[i, 2]):
             for y in range(reach[i, 1], reach[i, 3]):
-                cell = x * grid.shape[1] + y
-                if mine[i, 2] > ceiling[cell] or mine[i, 5] < floor[cell]:
+                cell = x * across + y
+                if w0 > ceiling[cell] or w1 < floor[cell]:
                     continue
-                n_hits = boxes_meeting(mine[i], theirs[begin[cell] : begin[cell + 1]], hits)
-                for hit in hits[:n_hits]:
-                    j = owner[begin[cell] + hit]
+                n_hits = 0
+                for m in range(np.uint32(begin[cell]), np.uint32(begin[cell + 1])):
+                    hits[n_hits] = m
+                    # no branch: which boxes meet is hard to foresee
+                    n_hits += (
+                        (theirs[m, 5] >= w0)
+                        & (theirs[m, 2] <= w1)
+                        & (theirs[m, 3] >= u0)
+                        & (theirs[m, 0] <= u1)
+                        & (theirs[m, 4] >= v0)
+                        & (theirs[m, 1] <= v1)
+                    )
+                for hit in range(n_hits):
+                    entry = np.uint32(hits[hit])
+                    j = int(owner[entry])
                     # a pair that shares several cells is looked at in the first alone
                     if x != max(reach[i, 0], spans[j, 0]) or y != max(reach[i, 1], spans[j, 1]):
                         continue
                     # nor one that could not widen the box
-                    inside = True
-                    for k in range(3):
-                        low = max(mine[i, k], boxes[j, k]) - _ROUNDING_M
-                        high = min(mine[i, k + 3], boxes[j, k + 3]) + _ROUNDING_M
-                        inside &= (low >= box[0, grid.axes[k]]) & (high <= box[1, grid.axes[k]])
-                    if inside:
+                    if (
+                        (max(u0, theirs[entry, 0]) - _ROUNDING_M >= box[0, axis_u])
+                        & (max(v0, theirs[entry, 1]) - _ROUNDING_M >= box[0, axis_v])
+                        & (max(w0, theirs[entry, 2]) - _ROUNDING_M >= box[0, axis_w])
+                        & (min(u1, theirs[entry, 3]) + _ROUNDING_M <= box[1, axis_u])
+                        & (min(v1, theirs[entry, 4]) + _ROUNDING_M <= box[1, axis_v])
+                        & (min(w1, theirs[entry, 5]) + _ROUNDING_M <= box[1, axis_w])
+                    ):
                         continue
                     f, g = near_a[i], near_b[j]
                     # Most pairs end here: one triangle lies on one side of the other's plane.
@@ -147,20 +171,6 @@ def _grid_over(low_m: Vector, high_m: Vector) -> _Grid:
 
 
 @compiled
-def _narrow(boxes: Vector, spans: Crossings, grid: _Grid, floor: Vector, ceiling: Vector) -> None:
-    """Raise floors to the lowest face over each cell, and lower ceilings to the highest."""
-    lowest, highest = np.full(floor.size, np.inf), np.full(floor.size, -np.inf)
-    for j in range(spans.shape[0]):
-        for x in range(spans[j, 0], spans[j, 2]):
-            for y in range(spans[j, 1], spans[j, 3]):
-                cell = x * grid.shape[1] + y
-                lowest[cell] = min(lowest[cell], boxes[j, 2])
-                highest[cell] = max(highest[cell], boxes[j, 5])
-    for k in range(floor.size):
-        floor[k], ceiling[k] = max(floor[k], lowest[k]), min(ceiling[k], highest[k])
-
-
-@compiled
 def _boxes(
     vertices_m: Vector,
     faces: Faces,
@@ -168,30 +178,46 @@ def _boxes(
     low_m: Vector,
     high_m: Vector,
     grid: _Grid,
-) -> tuple[Vector, Crossings]:
-    """Return each face's box (k, 6), its sides in the order of the grid's axes, and the first cell
-    and the one after the last (k, 4) that it lies over.
+    floor: Vector,
+    ceiling: Vector,
+) -> tuple[Crossings, Vector, Crossings]:
+    """Return those faces that lie over a cell, each one's box (k, 6), its sides in the order of the
+    grid's axes, and the first cell and the one after the last (k, 4) that it lies over.
+
+    Raises floors to the lowest face over each cell, and lowers ceilings to the highest.
     """
-    boxes = np.empty((near.shape[0], 6))
-    spans = np.zeros((near.shape[0], 4), np.int32)
-    for i in range(near.shape[0]):
-        f = np.uint32(near[i])
+    over, boxes = np.empty(near.shape[0], np.int32), np.empty((near.shape[0], 6))
+    spans = np.empty((near.shape[0], 4), np.int32)
+    lowest, highest = np.full(floor.size, np.inf), np.full(floor.size, -np.inf)
+    across = grid.shape[1]
+    axes = np.uint32(grid.axes[0]), np.uint32(grid.axes[1]), np.uint32(grid.axes[2])
+    n = 0
+    for f in near:
         a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
         apart = False
         for k in range(3):
-            axis = grid.axes[k]
+            axis = axes[k]
             p, q, r = vertices_m[a, axis], vertices_m[b, axis], vertices_m[c, axis]
             least, most = min(p, q, r), max(p, q, r)
-            boxes[i, k], boxes[i, k + 3] = least, most
-            apart |= most < low_m[axis] or least > high_m[axis]
+            boxes[n, k], boxes[n, k + 3] = least, most
+            apart |= (most < low_m[axis]) | (least > high_m[axis])
         if apart:
             continue  # it lies over no cell
         for k in range(2):
             last = grid.shape[k] - 1.0
-            spans[i, k] = int(min(max((boxes[i, k] - grid.low_m[k]) * grid.per_m[k], 0.0), last))
-            end = (boxes[i, k + 3] - grid.low_m[k]) * grid.per_m[k]
-            spans[i, k + 2] = int(min(max(end, 0.0), last)) + 1
-    return boxes, spans
+            spans[n, k] = int(min(max((boxes[n, k] - grid.low_m[k]) * grid.per_m[k], 0.0), last))
+            end = (boxes[n, k + 3] - grid.low_m[k]) * grid.per_m[k]
+            spans[n, k + 2] = int(min(max(end, 0.0), last)) + 1
+        least, most = boxes[n, 2], boxes[n, 5]
+        for x in range(spans[n, 0], spans[n, 2]):
+            for cell in range(x * across + spans[n, 1], x * across + spans[n, 3]):
+                lowest[cell] = min(lowest[cell], least)
+                highest[cell] = max(highest[cell], most)
+        over[n] = f
+        n += 1
+    for k in range(floor.size):
+        floor[k], ceiling[k] = max(floor[k], lowest[k]), min(ceiling[k], highest[k])
+    return over[:n], boxes[:n], spans[:n]
 
 
 @compiled

@@ -28,6 +28,8 @@ Index32 = npt.NDArray[np.int32]
 SLICE_M = 0.08
 """Thickness of the slices into which a piece is cut along its longest side at rest. Each is a ring
 or a cap of the surface, so its box holds what lies inside, too."""
+_PLANES = 12
+"""So many planes are tried between two slices whose boxes meet."""
 _ROUNDING_M = 1e-9
 """Wide boxes are wider by this, so that rounding takes no vertex out of them."""
 
@@ -66,7 +68,8 @@ class SkinnedBody:
         vertices = np.empty_like(self.rest_m)
         moves = np.empty((len(self.joints_m), 3, 4))
         joint_moves(position_m, orientation_wxyz, self.joints_m, scale, moves)
-        skin_vertices(self.rest_m, self.bones, self.weights, moves, vertices)
+        everything = np.arange(len(vertices), dtype=np.int32)
+        skin_vertices(self.rest_m, self.bones, self.weights, moves, everything, vertices)
         return ClosedMesh(vertices, self.faces)
 
 
@@ -105,7 +108,7 @@ class Pose(NamedTuple):
     `moves` (j, 3, 4) of its joints; `wide` (s, 6) boxes that hold its slices, `whole` (6,) the one
     that holds all. `moment` (1,) counts the poses; of this one are those vertices (v, 3), and those
     `tight` boxes (s, 6) round the faces of slices, whose `vertex_moment` (v,) or `slice_moment`
-    (s,) says so. `sides` (v,) and `number` (v,) are room for `shadow`.
+    (s,) says so. `sides` (v,) and `number` (v + 1,) are room for kernels.
     """
 
     moves: Vector
@@ -230,29 +233,31 @@ def joint_moves(
 
 
 @compiled
-def skin_vertex(
-    rest: Vector, bones: Bones, weights: Vector, moves: Vector, v: int, out: Vector
+def skin_vertices(
+    rest: Vector, bones: Bones, weights: Vector, moves: Vector, some: Index32, out: Vector
 ) -> None:
-    """Write vertex v of (v, 3), moved by the blend of its four joints."""
-    # Linear blend skinning: Σ weight · move(vertex) over the four joints.
-    x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
-    px = py = pz = 0.0
-    for k in range(4):
-        w = weights[v, k]
-        if w == 0.0:
-            continue
-        m = moves[bones[v, k]]
-        px += w * (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3])
-        py += w * (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])
-        pz += w * (m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3])
-    out[v, 0], out[v, 1], out[v, 2] = px, py, pz
-
-
-@compiled
-def skin_vertices(rest: Vector, bones: Bones, weights: Vector, moves: Vector, out: Vector) -> None:
-    """Write vertices (v, 3) moved by the blend of their four joints."""
-    for v in range(rest.shape[0]):
-        skin_vertex(rest, bones, weights, moves, v, out)
+    """Write some vertices of (v, 3), each moved by the blend of its four joints."""
+    # Linear blend skinning: Σ weight · move(vertex) over the four joints. One loop over all of
+    # them, and numbers without a sign: a call or a view for each took twice as long.
+    for i in range(some.shape[0]):
+        v = np.uint32(some[i])
+        x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
+        px = py = pz = 0.0
+        for k in range(4):
+            w = weights[v, k]
+            if w == 0.0:
+                continue
+            j = np.uint32(bones[v, k])
+            px += w * (
+                moves[j, 0, 0] * x + moves[j, 0, 1] * y + moves[j, 0, 2] * z + moves[j, 0, 3]
+            )
+            py += w * (
+                moves[j, 1, 0] * x + moves[j, 1, 1] * y + moves[j, 1, 2] * z + moves[j, 1, 3]
+            )
+            pz += w * (
+                moves[j, 2, 0] * x + moves[j, 2, 1] * y + moves[j, 2, 2] * z + moves[j, 2, 3]
+            )
+        out[v, 0], out[v, 1], out[v, 2] = px, py, pz
 
 
 @compiled
@@ -300,7 +305,7 @@ def room_for(bodies: Bodies) -> Pose:
         np.empty((s, 6)),
         np.zeros(s, np.int64),
         np.empty(v, np.uint8),
-        np.empty(v, np.int32),
+        np.empty(v + 1, np.int32),
     )
 
 
@@ -340,22 +345,40 @@ def pose_slices(body: Bodies, pose: Pose, slices: Index32) -> None:
     begin, corner, rest, bones = body.corner_begin, body.corner, body.rest_m, body.bones
     weights, moves, vertices_m = body.weights, pose.moves, pose.vertices_m
     vertex_moment, slice_moment, tight = pose.vertex_moment, pose.slice_moment, pose.tight
+    fresh = pose.number
     for s in slices:
         if slice_moment[s] == moment:
             continue
         slice_moment[s] = moment
+        start, end = begin[s] - first, begin[s + 1] - first
+        n = 0
+        for k in range(start, end):
+            v = np.uint32(corner[k])
+            fresh[n] = corner[k]
+            n += vertex_moment[v] != moment
+            vertex_moment[v] = moment
+        skin_vertices(rest, bones, weights, moves, fresh[:n], vertices_m)
         x0 = y0 = z0 = np.inf
         x1 = y1 = z1 = -np.inf
-        for k in range(begin[s] - first, begin[s + 1] - first):
-            v = int(corner[k])
-            if vertex_moment[v] != moment:
-                vertex_moment[v] = moment
-                skin_vertex(rest, bones, weights, moves, v, vertices_m)
+        for k in range(start, end):
+            v = np.uint32(corner[k])
             x, y, z = vertices_m[v, 0], vertices_m[v, 1], vertices_m[v, 2]
             x0, y0, z0 = min(x0, x), min(y0, y), min(z0, z)
             x1, y1, z1 = max(x1, x), max(y1, y), max(z1, z)
         tight[s, 0], tight[s, 1], tight[s, 2] = x0, y0, z0
         tight[s, 3], tight[s, 4], tight[s, 5] = x1, y1, z1
+
+
+@compiled
+def comes_near(body: Bodies, pose: Pose, x_m: float, z_m: float, reach_m: float) -> bool:
+    """Tell whether a slice's wide box lies within a distance of a place, seen from above."""
+    wide = pose.wide
+    for s in range(body.face_begin.size - 1):
+        dx = max(wide[s, 0] - x_m, 0.0, x_m - wide[s, 3])
+        dz = max(wide[s, 2] - z_m, 0.0, z_m - wide[s, 5])
+        if dx * dx + dz * dz <= reach_m * reach_m:
+            return True
+    return False
 
 
 @compiled
@@ -371,7 +394,8 @@ def box_of_meetings(
     a: Bodies, pose_a: Pose, b: Bodies, pose_b: Pose, only_wide: bool, box: Vector
 ) -> bool:
     """Write the box (2, 3) round everything that slices of two bodies share, and tell whether
-    there is anything. Slices whose wide boxes meet are posed; with `only_wide` these boxes tell.
+    there is anything: in no pair of slices that planes keep apart. Slices whose wide boxes meet
+    are posed; with `only_wide` these boxes tell.
     """
     box[0], box[1] = np.inf, -np.inf
     n_a, n_b = a.face_begin.size - 1, b.face_begin.size - 1
@@ -400,16 +424,60 @@ def box_of_meetings(
         is_near[m] = boxes_meeting(pose_a.wide[near_a[m]], tight_b, pairs) > 0
     near_a = near_a[is_near]
     pose_slices(a, pose_a, near_a)
+    touching = False
     for i in near_a:
         tight = pose_a.tight[i]
         for j in range(tight_b.shape[0]):
             if not boxes_meet(tight, tight_b[j]):
                 continue
+            touching = touching or not _are_apart(a, pose_a, int(i), b, pose_b, int(near_b[j]))
             # Union of the pairwise intersections; `box` stays inverted where no pair meets.
             for k in range(3):
                 box[0, k] = min(box[0, k], max(tight[k], tight_b[j, k]))
                 box[1, k] = max(box[1, k], min(tight[k + 3], tight_b[j, k + 3]))
-    return bool(box[0, 0] < box[1, 0])
+    return touching
+
+
+@compiled
+def _are_apart(a: Bodies, pose_a: Pose, i: int, b: Bodies, pose_b: Pose, j: int) -> bool:
+    """Tell whether a plane was found between posed slices i of `a` and j of `b`.
+
+    Each slice, and what lies inside it, is on its side of the plane, so they share nothing.
+    """
+    first_a, first_b = a.corner_begin[0], b.corner_begin[0]
+    begin_a, end_a = a.corner_begin[i] - first_a, a.corner_begin[i + 1] - first_a
+    begin_b, end_b = b.corner_begin[j] - first_b, b.corner_begin[j + 1] - first_b
+    mine, theirs, box_a, box_b = pose_a.vertices_m, pose_b.vertices_m, pose_a.tight, pose_b.tight
+    corner_a, corner_b = a.corner, b.corner
+    # Gilbert's search for the shortest way (x, y, z) between them: whatever is across it decides.
+    x = (box_b[j, 0] + box_b[j, 3] - box_a[i, 0] - box_a[i, 3]) / 2
+    y = (box_b[j, 1] + box_b[j, 4] - box_a[i, 1] - box_a[i, 4]) / 2
+    z = (box_b[j, 2] + box_b[j, 5] - box_a[i, 2] - box_a[i, 5]) / 2
+    for _ in range(_PLANES):
+        most, least = -np.inf, np.inf
+        p = q = np.uint32(0)
+        for k in range(begin_a, end_a):
+            v = np.uint32(corner_a[k])
+            along = mine[v, 0] * x + mine[v, 1] * y + mine[v, 2] * z
+            if along > most:
+                most, p = along, v
+        for k in range(begin_b, end_b):
+            v = np.uint32(corner_b[k])
+            along = theirs[v, 0] * x + theirs[v, 1] * y + theirs[v, 2] * z
+            if along < least:
+                least, q = along, v
+        if least - most > _ROUNDING_M * (abs(x) + abs(y) + abs(z)):
+            return True
+        # On to the point nearest to nothing on the way from here to the two corners found.
+        dx = theirs[q, 0] - mine[p, 0] - x
+        dy = theirs[q, 1] - mine[p, 1] - y
+        dz = theirs[q, 2] - mine[p, 2] - z
+        length = dx * dx + dy * dy + dz * dz
+        if length == 0.0:
+            return False
+        share = min(max(-(x * dx + y * dy + z * dz) / length, 0.0), 1.0)
+        x, y, z = x + share * dx, y + share * dy, z + share * dz
+    return False
 
 
 @compiled

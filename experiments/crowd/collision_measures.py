@@ -37,6 +37,8 @@ SURFACE_REACH_M: Final = REACH_M + 0.22
 """No part of an idle person's surface is farther than this from where they stand."""
 SIDE_OF: Final = {"left": "left", "right": "right"}
 _FINE_ENOUGH: Final = Settings()
+_IN_CONTACT: Final = Settings(require_contact=False)
+"""For cubes of two bodies of which it is known that they share volume."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,11 +131,12 @@ def collision_rows(walk: Walk, volumes: WalkVolumes) -> list[dict[str, Any]]:
         starts, ends = body.posed(walk.position_m[i], walk.orientation_wxyz[i])
         centre, printed_m3 = np.full(3, np.nan), np.nan
         if poser is not None:
-            common = common_volume(poser.own(i), poser.other(i, collision.character))
-            centre = common.centre_m
-            printed_m3 = common_volume(
-                poser.own(i), poser.other(i, collision.character), "published"
-            ).volume_m3
+            own, other = poser.own(i), poser.other(i, collision.character)
+            common = common_volume(own, other)
+            centre, printed_m3 = common.centre_m, 0.0
+            if common.contact:
+                cubes = common_volume(own, other, "published", settings=_IN_CONTACT)
+                printed_m3 = cubes.volume_m3
         part = _part_at(walk, sensor, i, collision.character, centre, starts, ends, body.radius_m)
         side, _, rest = part.partition("_")
         rows.append(

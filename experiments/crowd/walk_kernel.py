@@ -10,6 +10,7 @@ from visavis.analysis.collisions.skinned import (
     body_of,
     box_of_meetings,
     boxes_meet,
+    comes_near,
     move_joints,
     room_for,
     shadow,
@@ -63,10 +64,13 @@ def volumes_of_walk(
         move_joints(own, positions[i], worlds[i], own_scale, me)
         for p in range(people.shape[0]):
             volumes[i, p] = 0.0
-            # Test 1: distance on the floor, before the person is posed at all.
+            # Test 1: distance on the floor, before the person is posed at all; first of the whole
+            # body, then of its slices.
             dx = max(me.whole[0] - people[p, 0], 0.0, people[p, 0] - me.whole[3])
             dz = max(me.whole[2] - people[p, 1], 0.0, people[p, 1] - me.whole[5])
             if dx * dx + dz * dz > how.reach_m * how.reach_m:
+                continue
+            if not comes_near(own, me, people[p, 0], people[p, 1], how.reach_m):
                 continue
             other = body_of(others, int(people[p, 15]))
             place_person(people[p], crowd_t_s[i], figures, root, local, position, world)

@@ -68,7 +68,8 @@ def slices_of(body):
 
 def all_vertices(body, room):
     vertices = np.empty_like(body.rest_m)
-    skin_vertices(body.rest_m, body.bones, body.weights, room.moves, vertices)
+    everything = np.arange(len(vertices), dtype=np.int32)
+    skin_vertices(body.rest_m, body.bones, body.weights, room.moves, everything, vertices)
     return vertices
 
 
