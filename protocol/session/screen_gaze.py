@@ -26,10 +26,12 @@ def gaze_through_screen(
     eye_m = rotate(turn, drawn_from.position_m - place.position_m)
     at_m = values["origin_m"].astype(np.float64)
     at_m[~np.isfinite(at_m).all(axis=1)] = 0.0
-    for name in DIRECTIONS:
-        direction = values[name].astype(np.float64)
-        values[name] = screen.seen_through(eye_m, at_m, direction)
-        if name == "direction_head":
-            values["valid"] &= screen.is_on(screen.meets_m(at_m, direction))
+    # All at once: a frame brings one sample or two, and each call costs more than its numbers.
+    directions = np.concatenate([values[name] for name in DIRECTIONS]).astype(np.float64)
+    rays = screen.seen_through(eye_m, np.tile(at_m, (len(DIRECTIONS), 1)), directions)
+    for name, ray in zip(DIRECTIONS, np.split(rays, len(DIRECTIONS)), strict=True):
+        values[name] = ray
+    combined = directions[: len(values)]
+    values["valid"] &= screen.is_on(screen.meets_m(at_m, combined))
     values["origin_m"] = 0.0
     return replace(batch, values=values)
