@@ -55,11 +55,9 @@ def met_in_trials(reference: str, root: Path, how: str, **variables: Path) -> li
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("study", SHIPPED_STUDIES)
 def test_trials_meet_nothing_new_even_where_nothing_is_kept_yet(study: str, tmp_path: Path) -> None:
+    # Machine code that is kept is opened by the trial that needs it first: nobody need compile it
+    # anew to show that. The waves of waving are made where nothing is kept.
     empty = {"XDG_CACHE_HOME": tmp_path / "kept"}
-    if study == "stare":
-        # Where its machine code is kept, a kernel that trials call first is opened in them: the
-        # other studies need not compile theirs to show it.
-        empty["NUMBA_CACHE_DIR"] = tmp_path / "numba"
     if find_study(study).experiment({}).lives:
         pytest.skip("a page alone shows its figures")
     assert [] == met_in_trials(study, tmp_path / study, "ready", **empty)
