@@ -40,13 +40,13 @@ class Store:
         if self.folder is None:
             return record(alone)
         place, made = self.folder / name / "data", self.folder / name / "made"
-        begin_s = self.processor_s()
+        begin_s = self.processor_s() + self.saved_s  # what it copies is of its cost, too
         with locked(self.folder / f"{name}.lock"):
             if not made.exists():
                 # What a test that was stopped left is no whole recording.
                 shutil.rmtree(place, ignore_errors=True)
                 made_at = record(place).relative_to(place)
-                took_s = self.processor_s() - begin_s
+                took_s = self.processor_s() + self.saved_s - begin_s
                 written = made.with_suffix(".new")  # whole or not at all, whoever is killed
                 written.write_text(f"{took_s:.2f}\n{made_at.as_posix()}", "utf-8")
                 written.replace(made)

@@ -23,3 +23,15 @@ def simulate(root: Path, *more: str) -> Path:
 def two_of_stare(root: Path) -> Path:
     """Return a copy of the study, which is simulated once in a run of the suite."""
     return STORE.copy("two of stare", simulate, root)
+
+
+def analysed_two_of_stare(root: Path) -> Path:
+    """Return a copy of the study with its report, which is written once in a run of the suite."""
+
+    def analyse(folder: Path) -> Path:
+        study = two_of_stare(folder)
+        result = CliRunner().invoke(app, ["analyse", str(study), "--processes", "1"])
+        assert result.exit_code == 0, result.output
+        return study
+
+    return STORE.copy("analysed two of stare", analyse, root)

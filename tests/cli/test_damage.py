@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
-from tests.cli.stare_study import two_of_stare
+from tests.cli.stare_study import analysed_two_of_stare, two_of_stare
 from visavis.cli.main import app
 from visavis.lab.errors import DataError
 from visavis.protocol.people.exports_register import registered_exports
@@ -85,15 +85,14 @@ def test_accepted_damage_is_missing_and_marked_and_nobodys_fault(damaged: Path) 
     assert "--accept-damage" in page
 
 
-def test_an_intact_study_leaves_no_list_of_damage(intact: Path) -> None:
-    done = visavis("analyse", str(intact), "--processes", "1")
+def test_an_intact_study_leaves_no_list_of_damage(tmp_path: Path) -> None:
+    study = analysed_two_of_stare(tmp_path)
 
-    assert 0 == done.exit_code, done.output
-    assert not (intact / "derived" / "damage.csv").exists()
-    assert () == study_problems(intact)
-    table = intact / "derived" / "trials.csv"
+    assert not (study / "derived" / "damage.csv").exists()
+    assert () == study_problems(study)
+    table = study / "derived" / "trials.csv"
     table.write_text(table.read_text().replace("complete", "compLete", 1))
-    (said,) = study_problems(intact)
+    (said,) = study_problems(study)
     assert "trials.csv is not as analysis wrote it" in said
 
 

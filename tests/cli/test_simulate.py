@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import visavis.running.sessions.simulation
-from tests.cli.stare_study import TWO, simulate, two_of_stare
+from tests.cli.stare_study import TWO, analysed_two_of_stare, simulate, two_of_stare
 from visavis.cli.main import app
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import ConfigError, DataError, SessionAborted, UsageError
@@ -97,10 +97,8 @@ def test_the_page_of_recordings_names_the_paths_that_a_session_has(study: Path) 
     assert told_of("Streams") <= streams | WITH_OTHER_STUDIES
 
 
-def test_analysis_writes_a_row_per_trial_in_two_formats_and_a_report(study: Path) -> None:
-    result = CliRunner().invoke(app, ["analyse", str(study), "--processes", "1"])
-
-    assert result.exit_code == 0, result.output
+def test_analysis_writes_a_row_per_trial_in_two_formats_and_a_report(tmp_path: Path) -> None:
+    study = analysed_two_of_stare(tmp_path)
     rows = pd.read_csv(study / "derived" / "trials.csv")
     assert 2 * (36 + 1) == len(rows)
     assert rows["is_simulated"].all()
