@@ -1,5 +1,7 @@
 """A study file that is simulated before a screen and analysed; an example that is killed once."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import visavis.running.sessions.simulation
+from tests.faults.sessions import TIMING
 from visavis.cli.main import app
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.recording.manifest import read_manifest
@@ -22,12 +25,9 @@ def simulate_and_analyse(file: Path, text: str, *more: str, participants: int) -
     """
     file.write_text(text, "utf-8")
     words = ["simulate", str(file), "--participants", str(participants), "--processes=1"]
-    words += ["--output", str(file.parent), "--config", str(SCREEN_EXAMPLE), *more]
-    result = CliRunner().invoke(app, words)
-    assert 0 == result.exit_code, result.output
+    invoked(*words, "--output", str(file.parent), "--config", str(SCREEN_EXAMPLE), *more)
     folder = file.parent / "simulated" / file.stem
-    result = CliRunner().invoke(app, ["analyse", str(folder), "--processes", "1"])
-    assert 0 == result.exit_code, result.output
+    invoked("analyse", str(folder), "--processes", "1")
     return folder
 
 
@@ -49,6 +49,20 @@ def _killed_once(study: OpenedStudy, *words: Any, **keywords: Any) -> Request:
     return replace(request, on_trial=on_trial) if keywords["label"] == "S02C" else request
 
 
+@contextmanager
+def _quick_targets(request_of: Callable[..., Request] = simulated_request) -> Iterator[None]:
+    """Let targets of calibrations stand for less time in sessions that `visavis simulate` begins:
+    they take longer than the trials of a small study. `request_of` makes the requests.
+    """
+
+    def quick_request(*words: Any, **keywords: Any) -> Request:
+        return replace(request_of(*words, **keywords), timing=TIMING)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(visavis.running.sessions.simulation, "simulated_request", quick_request)
+        yield
+
+
 def killed_and_analysed(
     name: str,
     monkeypatch: pytest.MonkeyPatch,
@@ -67,11 +81,11 @@ def killed_and_analysed(
     assert shows in invoked("plan", study)
     words = ["simulate", study, "--participants", str(participants)]
     words += ["--output", "out", "--processes=1"]
-    with monkeypatch.context() as patch:
-        patch.setattr(visavis.running.sessions.simulation, "simulated_request", _killed_once)
+    with _quick_targets(_killed_once):
         stopped = CliRunner().invoke(app, words)
     assert stopped.exception is not None
-    assert "1 were interrupted; their rest is simulated" in invoked(*words)
+    with _quick_targets():
+        assert "1 were interrupted; their rest is simulated" in invoked(*words)
     found = folder / "out" / "simulated" / name
     assert 2 == len(read_manifest(found / "sub-S02C" / "ses-001").parts)
     invoked("analyse", str(found), "--processes=1")

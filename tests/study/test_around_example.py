@@ -7,12 +7,14 @@ from tests.study.simulated_study import killed_and_analysed
 
 
 @pytest.mark.timeout(1200)
-@pytest.mark.parametrize("display", [(), ("--screen",)], ids=["headset", "screen"])
+@pytest.mark.parametrize(
+    ("display", "participants"), [((), 6), (("--screen",), 4)], ids=["headset", "screen"]
+)
 def test_the_ready_panorama_goes_from_plan_to_report_and_on_after_a_kill(
-    tmp_path, monkeypatch, display
+    tmp_path, monkeypatch, display, participants
 ):
     folder = killed_and_analysed(
-        "around", monkeypatch, tmp_path, *display, shows="aside", participants=6
+        "around", monkeypatch, tmp_path, *display, shows="aside", participants=participants
     )
     rows = pd.read_csv(folder / "derived" / "trials.csv")
     rows = rows[rows["status"] == "complete"]
