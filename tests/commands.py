@@ -158,6 +158,11 @@ class Commands:
         self._control: socket.socket | None = None
         self._environment: dict[str, str] = {}
 
+    @property
+    def server_pid(self) -> int | None:
+        """Which process forks them; None where none does yet."""
+        return None if self._server is None else self._server.pid
+
     def start(
         self,
         *arguments: str,

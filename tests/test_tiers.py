@@ -11,11 +11,13 @@ from tests.tiers import (
     COSTS,
     LIMIT_S,
     MARGIN,
+    TICKS_HZ,
     CostCollector,
     Tiers,
     complaint,
     is_slow,
     is_there,
+    living_s,
     read_costs,
     write_costs,
 )
@@ -52,6 +54,21 @@ def test_a_test_is_there_by_its_name_in_its_file(tmp_path: Path) -> None:
         "test_d.py::test_b",
     )
     assert [True, True, False, False] == [is_there(name, tmp_path) for name in names]
+
+
+def test_whatever_a_process_began_and_still_lives_is_counted_with_theirs_that_ended(
+    tmp_path: Path,
+) -> None:
+    def ticks(process: int) -> list[int]:
+        return [process * 10 + i for i in range(4)]  # its own, and of theirs that ended
+
+    for process, parent in {10: 1, 11: 10, 12: 11, 13: 1}.items():
+        (tmp_path / str(process)).mkdir()
+        line = f"{process} (a) b) S {parent} {'0 ' * 9}{' '.join(map(str, ticks(process)))} 20 0\n"
+        (tmp_path / str(process) / "stat").write_text(line, "utf-8")
+    assert sum(ticks(11) + ticks(12)) / TICKS_HZ == living_s(10, folder=tmp_path)
+    assert sum(ticks(12)) / TICKS_HZ == living_s(10, but=11, folder=tmp_path)
+    assert 0 == living_s(12, folder=tmp_path) == living_s(10, folder=tmp_path / "nowhere")
 
 
 def named(name: str) -> Any:
@@ -96,7 +113,6 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
-    monkeypatch.setattr(tiers, "_processor_s", made)
     monkeypatch.setattr(STORE, "saved_s", 0.0)
     return made
 
@@ -144,7 +160,7 @@ def spend(clock: Clock, seconds: float) -> Callable[[], None]:
 def test_a_test_that_grew_fails_with_what_to_do_and_one_of_the_second_tier_does_not(
     clock: Clock,
 ) -> None:
-    plugin = Tiers({})
+    plugin = Tiers({}, processor_s=clock)
     limit_s = LIMIT_S * MARGIN
     failed = run(plugin, item_of("grown"), {"call": spend(clock, limit_s + 1)})
     assert "failed" == failed.outcome
@@ -156,17 +172,26 @@ def test_a_test_that_grew_fails_with_what_to_do_and_one_of_the_second_tier_does_
 
 
 def test_only_a_test_that_passed_is_measured(clock: Clock) -> None:
-    plugin = Tiers({})
+    plugin = Tiers({}, processor_s=clock)
     for outcome in ("failed", "skipped"):
         run(plugin, item_of(outcome), {"call": spend(clock, 9)}, outcome)
     run(plugin, item_of("whole"), {"call": spend(clock, 3), "teardown": spend(clock, 1)})
     assert {"tests/test_a.py::whole": 4.0} == plugin.measured
 
 
+def test_what_lives_counts_for_the_test_that_it_worked_for_and_is_lost_by_none_as_it_ends(
+    clock: Clock,
+) -> None:
+    plugin = Tiers({}, processor_s=clock)
+    run(plugin, item_of("in_a_browser"), {"call": spend(clock, 4)})
+    run(plugin, item_of("last"), {"call": spend(clock, 2), "teardown": spend(clock, -7)})
+    assert [4.0, 2.0] == list(plugin.measured.values())
+
+
 def test_a_fixture_that_tests_share_counts_for_each_of_them_and_what_the_store_saved_too(
     clock: Clock,
 ) -> None:
-    plugin = Tiers({})
+    plugin = Tiers({}, processor_s=clock)
     shared = SimpleNamespace(argname="recording", baseid="tests/test_a.py", scope="module")
 
     def set_up() -> None:

@@ -4,7 +4,8 @@ A test that took more than `LIMIT_S` is marked `slow`: `pytest -m "not slow"` ru
 `pytest -m slow` the second, `pytest` both. What tests took stands in `tests/costs.txt`;
 `pytest --record-costs` measures the tests that it runs and writes their lines anew.
 
-A test's cost is its own processor time and that of its child processes, and with it that of every
+A test's cost is its own processor time and that of processes that it began or that work for it, as
+a module's browser (where there is /proc: on Linux), and with it that of every
 fixture it uses: one that a module shares counts in full for each of the module's tests, because any
 of them may be the first that needs it; so does recording a session that came from the store
 (`tests.store`). Compiling kernels does not count: that is done once for all.
@@ -12,7 +13,8 @@ of them may be the first that needs it; so does recording a session that came fr
 
 import json
 import os
-from collections.abc import Generator, Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Generator, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,6 +31,8 @@ LISTED_S: Final = 0.5
 """Tests that take less have no line of their own."""
 ROOT: Final = Path(__file__).parents[1]
 COSTS: Final = ROOT / "tests" / "costs.txt"
+PROCESSES: Final = Path("/proc")
+TICKS_HZ: Final = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 RECORD: Final = "--record-costs"
 MARKED: Final = "mark.slow"
 """What stands in files whose tests were put into the second tier by hand."""
@@ -83,6 +87,31 @@ def _processor_s() -> float:
     return sum(os.times()[:4]) + COMMANDS.spent_s
 
 
+def _with_living_s() -> float:
+    """Return the same with what lives on, as a browser; what begins commands is no test's."""
+    return _processor_s() + living_s(os.getpid(), COMMANDS.server_pid)
+
+
+def living_s(process: int, but: int | None = None, folder: Path = PROCESSES) -> float:
+    """Return the processor time of all that a process began and that has not ended, in seconds.
+
+    What theirs took that ended is counted with them; of `but`, only what it began and still lives.
+    Without a `folder` of processes it is 0.
+    """
+    took, began = dict[int, int](), defaultdict[int, list[int]](list)
+    for file in folder.glob("[0-9]*/stat"):
+        try:
+            fields = file.read_text("utf-8", "replace").rpartition(")")[2].split()
+        except OSError:  # it ended meanwhile
+            continue
+        took[int(file.parent.name)] = sum(map(int, fields[11:15]))
+        began[int(fields[1])].append(int(file.parent.name))
+    descendants = list(began[process])
+    for one in descendants:
+        descendants += began[one]
+    return sum(took[one] for one in descendants if one != but) / TICKS_HZ
+
+
 class _Compiling:
     """Counts the seconds spent compiling kernels, nested ones once."""
 
@@ -119,8 +148,14 @@ def _listen_to_compiling() -> _Compiling:
 class Tiers:
     """A plugin of pytest: marks the second tier, and measures every test of this process."""
 
-    def __init__(self, costs: Mapping[str, float], *, is_strict: bool = True) -> None:
-        self._costs = costs
+    def __init__(
+        self,
+        costs: Mapping[str, float],
+        *,
+        is_strict: bool = True,
+        processor_s: Callable[[], float] = _processor_s,
+    ) -> None:
+        self._costs, self._processor_s = costs, processor_s
         self._longest_s: dict[str, float] = {}
         for test, cost_s in costs.items():
             file = file_of(test)
@@ -128,7 +163,7 @@ class Tiers:
         self._is_strict = is_strict
         self._compiling = _listen_to_compiling()
         self._fixture_s: dict[tuple[str, str], float] = {}
-        self._start_s = 0.0
+        self._start_s = self._latest_s = self._lost_s = 0.0
         self._is_whole = True
         self._shared_s = 0.0
         self.measured: dict[str, float] = {}
@@ -137,7 +172,10 @@ class Tiers:
 
     def computed_s(self) -> float:
         """Return the processor time of this process and its children, compiling apart."""
-        return _processor_s() - self._compiling.seconds
+        now_s = self._processor_s() + self._lost_s
+        self._lost_s += max(0.0, self._latest_s - now_s)  # of those that nobody waited for
+        self._latest_s = max(self._latest_s, now_s)
+        return self._latest_s - self._compiling.seconds
 
     def _now_s(self) -> float:
         # Another order of tests, or another test left out, and this one would have recorded it.
@@ -188,8 +226,9 @@ class Tiers:
         """End to measure it; fail a test of the first tier that has grown."""
         report = yield
         self._is_whole &= report.passed
+        now_s = self._now_s()
         if call.when == "teardown" and self._is_whole:  # else its cost is not known
-            own_s = self._now_s() - self._start_s - self._shared_s
+            own_s = now_s - self._start_s - self._shared_s
             cost_s = own_s + sum(map(self._shared_cost, _fixtures(item)))
             self.measured[item.nodeid] = round(cost_s, 2)
             is_marked_slow = item.get_closest_marker("slow") is not None
@@ -249,7 +288,11 @@ class CostCollector:
 def install(config: pytest.Config) -> None:
     """Register both plugins with pytest."""
     is_recording = config.getoption(RECORD)
-    tiers = Tiers(read_costs(COSTS.read_text("utf-8")), is_strict=not is_recording)
+    tiers = Tiers(
+        read_costs(COSTS.read_text("utf-8")),
+        is_strict=not is_recording,
+        processor_s=_with_living_s if is_recording else _processor_s,
+    )
     STORE.processor_s = tiers.computed_s
     collector = CostCollector(tiers, is_recording=is_recording)
     config.pluginmanager.register(tiers, "visavis-tiers")
