@@ -52,47 +52,48 @@ async ([base, path]) => {
                  "multipart/form-data; boundary=x", "application/json; charset=utf-16", ""];
   const content = {tab: "t", key: "key", action: "abort", parameters: {}, events: []};
   const body = "\\nstop\\n" + JSON.stringify(content) + "\\nstop\\n";
+  // Only what is posted is read. Else it matters whether a browser asks before it sends.
+  const typesOf = (method) => method === "POST" ? types : ["text/plain", "application/json"];
   let read = 0;
-  const ask = async (method, type, mode, credentials) => {
+  const ask = async (method, type, mode) => {
     const headers = type ? {"Content-Type": type} : {};
-    const given = {method, mode, credentials, headers, redirect: "follow"};
+    const given = {method, mode, credentials: "include", headers, redirect: "follow"};
     if (!["GET", "HEAD"].includes(method)) given.body = body;
     try {
       const answer = await fetch(base + path, given);
       if (answer.type !== "opaque") read += 1;
     } catch (error) { /* the browser or the server refused */ }
   };
-  for (const mode of ["no-cors", "cors"])
-    for (const method of methods)
-      await Promise.all(types.map((type) => ask(method, type, mode, "include")));
+  const ends = ["no-cors", "cors"].flatMap((mode) => methods.flatMap(
+    (method) => typesOf(method).map((type) => ask(method, type, mode))));
   for (const type of types)
     try {
       navigator.sendBeacon(base + path, new Blob([body], {type}));
     } catch (error) { /* as above */ }
-  const ends = [];
-  for (const encoding of types.slice(0, 2).concat("multipart/form-data"))
-    for (const method of ["post", "get"]) {
-      const name = "f" + Math.random(), frame = document.createElement("iframe");
-      frame.name = name;
-      const form = Object.assign(document.createElement("form"),
-                                 {action: base + path, method, target: name});
-      form.enctype = encoding;
-      const said = {name: "\\nstop\\n", value: body};
-      form.append(Object.assign(document.createElement("input"), said));
-      document.body.append(frame, form);
-      ends.push(new Promise((done) => { frame.onload = done; setTimeout(done, 1500); }));
-      form.submit();
-    }
-  await Promise.all(ends);
+  // A frame that stays keeps its process; a form that gets knows one encoding.
+  for (const [i, [method, encoding]] of [...types.slice(0, 2).concat("multipart/form-data").map(
+       (encoding) => ["post", encoding]), ["get", types[1]]].entries()) {
+    const frame = document.getElementsByName("f" + i)[0] ?? document.createElement("iframe");
+    frame.name = "f" + i;
+    const form = Object.assign(document.createElement("form"),
+                               {action: base + path, method, target: frame.name});
+    form.enctype = encoding;
+    const said = {name: "\\nstop\\n", value: body};
+    form.append(Object.assign(document.createElement("input"), said));
+    document.body.append(...(frame.isConnected ? [] : [frame]), form);
+    ends.push(new Promise((done) => { frame.onload = done; setTimeout(done, 1500); }));
+    form.submit();
+    form.remove();
+  }
   for (const kind of [EventSource, WebSocket])
     try {
       const wire = new kind((kind === WebSocket ? base.replace("http", "ws") : base) + path);
-      await new Promise((done) => { wire.onerror = done; wire.onopen = () => { read += 1; done(); };
-                                    wire.onmessage = () => { read += 1; done(); };
-                                    setTimeout(done, 1500); });
-      wire.close();
+      ends.push(new Promise((done) => { wire.onerror = done; setTimeout(done, 1500);
+                                        wire.onopen = () => { read += 1; done(); };
+                                        wire.onmessage = () => { read += 1; done(); };
+      }).then(() => wire.close()));
     } catch (error) { /* as above */ }
-  for (const one of document.querySelectorAll("iframe, form")) one.remove();
+  await Promise.all(ends);
   return read;
 }
 """
