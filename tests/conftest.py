@@ -72,17 +72,37 @@ def server_of_commands() -> Iterator[None]:
     COMMANDS.close()
 
 
-@pytest.fixture
-def browser() -> Iterator[Any]:
-    """A browser without a window; the test is skipped where there is none."""
+@pytest.fixture(scope="module")
+def playwright() -> Iterator[Any]:
+    """What drives browsers for a module's tests: a thread can have one of them at a time."""
+    interface = pytest.importorskip("playwright.sync_api")
+    with interface.sync_playwright() as started:
+        yield started
+
+
+@pytest.fixture(scope="session")
+def chromium_program() -> str:
+    """Where Chromium is; the test is skipped where there is none."""
     program = shutil.which("chromium") or shutil.which("chromium-browser")
     if program is None:
         pytest.skip("there is no chromium; apt install chromium")
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as started:
-        opened = started.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        yield opened
-        opened.close()
+    return program
+
+
+@pytest.fixture(scope="module")
+def chromium(playwright: Any, chromium_program: str) -> Iterator[Any]:
+    """A browser without a window, which a module's tests share: it takes seconds to begin."""
+    opened = playwright.chromium.launch(executable_path=chromium_program, args=["--no-sandbox"])
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def browser(chromium: Any) -> Iterator[Any]:
+    """The module's browser with nothing open; the test is skipped where there is none."""
+    yield chromium
+    for context in chromium.contexts:
+        context.close()
 
 
 def _firefox(folder: Path, *, draws: bool) -> Iterator[Any]:

@@ -248,29 +248,24 @@ def test_an_answer_that_was_pasted_says_so_and_one_that_was_typed_does_not(
 
 
 def test_a_browser_killed_right_after_an_answer_remembers_whose_session_it_was(
-    server: Server, tmp_path: Path
+    server: Server, playwright: Any, chromium_program: str, tmp_path: Path
 ) -> None:
-    program = shutil.which("chromium") or shutil.which("chromium-browser")
-    if program is None:
-        pytest.skip("there is no chromium; apt install chromium")
-    playwright = pytest.importorskip("playwright.sync_api")
     (server.root / "asked.py").write_text(ASKING, "utf-8")
     address = server.start("serve", "asked.py", "--port", "0")
-    with playwright.sync_playwright() as started:
-        chromium = Chromium(program, tmp_path / "profile", started)
-        try:
-            chromium.start()
-            chromium.page.goto(address)
-            watch = StopWatch()
-            while chromium.shown()["trial"] < 2:
-                assert watch.elapsed_s() < PATIENCE_S, chromium.shown()
-                step_on(chromium.page)
-            chromium.kill()
-            chromium.start()
-            chromium.page.goto(address)
-            until(chromium.page, "Somebody began this study", steps=False)
-        finally:
-            chromium.kill()
+    chromium = Chromium(chromium_program, tmp_path / "profile", playwright)
+    try:
+        chromium.start()
+        chromium.page.goto(address)
+        watch = StopWatch()
+        while chromium.shown()["trial"] < 2:
+            assert watch.elapsed_s() < PATIENCE_S, chromium.shown()
+            step_on(chromium.page)
+        chromium.kill()
+        chromium.start()
+        chromium.page.goto(address)
+        until(chromium.page, "Somebody began this study", steps=False)
+    finally:
+        chromium.kill()
 
 
 def test_nothing_leaves_the_page_before_consent_but_what_a_request_needs(

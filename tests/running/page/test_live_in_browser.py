@@ -24,7 +24,7 @@ from tests.running.page.test_browser import (
 )
 from tests.running.page.test_browser import server as server
 from tests.running.page.test_elsewhere import Host, recording_of, save, served_files
-from tests.running.page.test_headset_in_browser import serve_site
+from tests.running.page.test_headset_in_browser import FILES, serve_site
 from tests.running.page.test_live_scenes import STUDY as WATCHED
 from visavis.experiments.adjectives.pairs import PAIRS
 from visavis.experiments.matching.interfaces import target_shares
@@ -51,6 +51,8 @@ from visavis.study.scenes import Scene
 STUDY = Path(__file__).parents[2] / "studies" / "moulding.py"
 DRAWN = "[data-frames]:not([data-frames='0']):not([data-frames='1']):not([data-frames='2'])"
 """A canvas that has drawn three frames; a page's policy forbids to evaluate a condition there."""
+SELDOM = FILES / "seldom.js"
+"""Nobody looks at most pictures of a figure, and drawing one costs a processor much."""
 SETTINGS = 1000
 MAX_RAD = 1e-5
 POSES = """async ([code, file, values, phases, times]) => {
@@ -177,6 +179,7 @@ def leave(page: Any) -> None:
 def test_a_real_slider_moulds_and_a_real_mouse_turns(server: Server, browser: Any) -> None:
     address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
     page = browser.new_context(viewport={"width": 500, "height": 700}).new_page()
+    page.add_init_script(path=SELDOM)
     problems: list[str] = []
     others: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))
@@ -337,6 +340,7 @@ def test_a_guess_is_made_blind_and_a_match_ends_its_step_by_itself(
 ) -> None:
     address = server.start("run", "matching", "--participant", "1", "--on", "browser")
     page = browser.new_context(viewport={"width": 900, "height": 700}).new_page()
+    page.add_init_script(path=SELDOM)
     problems: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))
     page.goto(address)
@@ -369,6 +373,7 @@ def test_raters_turn_two_figures_and_answer_the_list_beside_them(
 ) -> None:
     address = server.start("run", "adjectives", "--participant", "1", "--on", "browser")
     page = browser.new_context(viewport={"width": 420, "height": 560}).new_page()
+    page.add_init_script(path=SELDOM)
     problems: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))
     page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
@@ -423,6 +428,7 @@ def test_figures_are_drawn_from_files_alone_and_the_results_are_taken(
     page = browser.new_context(
         accept_downloads=True, viewport={"width": 360, "height": 560}
     ).new_page()
+    page.add_init_script(path=SELDOM)
     problems: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))
     with served_files(host.export(places=1)) as address:
