@@ -103,3 +103,12 @@ def test_mistyped_command_is_refused_with_the_nearest():
     )
     assert done.returncode == 2
     assert "did you mean 'doctor'" in done.stderr
+
+
+def test_verbs_of_a_study_begin_without_the_viewer_and_what_films_need():
+    names = ("visavis.cli.viewer.content", "scipy.ndimage", "scipy.sparse.csgraph", "matplotlib")
+    program = "import sys, visavis.cli.commands.study; print(*sys.modules)"
+    modules = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert [] == [name for name in names if name in modules]

@@ -22,8 +22,8 @@ from tests.running.page.test_serving import COMMAND
 from visavis.cli.app import app
 from visavis.cli.commands import view
 from visavis.cli.viewer.page import CODE
+from visavis.lab.eye_height import MIN_EYE_M
 from visavis.lab.geometry import Vector, rotate
-from visavis.recording.blurring import MIN_EYE_M
 from visavis.recording.cached import CachedRecording
 
 flat = flat  # a fixture

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.compiled import compiled
+from visavis.lab.eye_height import MAX_SEATED_EYE_M
 from visavis.lab.geometry import Vector
-from visavis.recording.blurring import MAX_SEATED_EYE_M
 from visavis.stimuli.contact.body import REFERENCE_STATURE_M
 from visavis.stimuli.motion import posture as p
 from visavis.stimuli.motion.build import build_of_skeleton

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
 from visavis.lab.clock import NS_PER_S
+from visavis.lab.eye_height import MAX_SEATED_EYE_M, MIN_EYE_M
 from visavis.lab.geometry import Vector, rotate
 from visavis.lab.schema import StreamSchema
 from visavis.recording.stream_file import Columns
@@ -27,9 +28,6 @@ STANDING_EYE_M: Final = 0.936 * STATURE_M
 """Height of the eyes of a standing person (Drillis & Contini 1966)."""
 
 SEATED_EYE_M: Final = 1.20
-MAX_SEATED_EYE_M: Final = 1.35
-MIN_EYE_M: Final = 0.5
-"""A head lower than that is measured from somewhere else than the floor: shifted, not scaled."""
 
 SMOOTHING_S: Final = 0.2
 """Standard deviation of the Gaussian in time; above 1 Hz less than half of a movement is left."""

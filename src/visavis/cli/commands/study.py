@@ -12,7 +12,6 @@ from visavis.cli.app import ConfigOption, StudyArgument, app, console, load_lab,
 from visavis.cli.commands.session import LanguageOption
 from visavis.cli.notifier import NOTIFIER
 from visavis.cli.studies import DRY_RUNS, folder_of, study_of_lab
-from visavis.cli.viewer.report_views import write_views
 from visavis.lab.clock import StopWatch
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.running.sessions.data_root import require_space
@@ -185,6 +184,8 @@ def report(
     where = folder_of(folder, config, "report")
     make_views = None
     if views:
+        from visavis.cli.viewer.report_views import write_views  # late: it loads the viewer
+
         make_views = partial(write_views, where)
     path = analyse_study(
         where,

@@ -7,10 +7,10 @@ import numpy as np
 
 from visavis.cli.recorded_trial import RecordedTrial
 from visavis.lab.clock import NS_PER_S
+from visavis.lab.eye_height import MAX_SEATED_EYE_M
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, quat_multiply, yaw_pitch_deg_of
 from visavis.lab.geometry import rotate as turned
 from visavis.protocol.plan.shown_scene import of_part
-from visavis.recording.blurring import MAX_SEATED_EYE_M
 from visavis.stage.own_body import OwnBody
 from visavis.stimuli.characters.character import MORPHS, Character
 from visavis.stimuli.characters.sizing import MIN_M, TALLEST_M, scale_to_stature

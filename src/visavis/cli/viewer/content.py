@@ -31,9 +31,9 @@ from visavis.cli.viewer.scenes import SAMPLES_PER_S, Sample, Times, scene_conten
 from visavis.devices.streams import NO_DEVICE_TIME
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
+from visavis.lab.eye_height import MIN_EYE_M
 from visavis.lab.geometry import Vector, rotate
 from visavis.lab.schema import Field
-from visavis.recording.blurring import MIN_EYE_M
 from visavis.recording.cached import CachedRecording
 from visavis.recording.manifest import MANIFEST_NAME
 from visavis.recording.reader import flat_components

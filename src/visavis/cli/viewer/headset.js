@@ -3,7 +3,7 @@
 const STEP_S = 5;
 const STICK = {on: 0.7, off: 0.4}; // it has to come back before it counts again
 const STICKS = {across: 2, along: 3}, LEAVE = 5; // axes, and the upper button, of the standard's gamepad
-const LOWEST_EYE_M = 0.5; // as `recording.blurring.MIN_EYE_M`: what was measured from somewhere else than the floor is lower
+const LOWEST_EYE_M = 0.5; // as `lab.eye_height.MIN_EYE_M`: what was measured from somewhere else than the floor is lower
 const SAME_PLACE_M = 0.6; // as near to it one stands in the participant, whose body is not drawn then
 const GAZE_BEGINS_M = 1; // before one's own eyes a line that begins nearer cannot be looked at, nor the words behind it
 const GAZE_M = {line: 0.003, point: 0.006, least: 0.008}; // radii: of the point a metre away, and at least
