@@ -10,7 +10,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from tests.faults.sessions import CONFIG
-from tests.sessions import perform
+from tests.sessions import opened, perform
 from visavis.cli.app import app, load_lab
 from visavis.cli.film.on_page import page_label
 from visavis.cli.preview.pictures import TITLE_PX, write_below
@@ -69,7 +69,9 @@ def test_a_frame_drawn_again_has_the_line_below_it_unless_people_took_part(
     session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     eye = np.full((40, 30, 3), 7, np.uint8)
-    monkeypatch.setattr("visavis.cli.commands.redraw.draw_again", lambda *_, **__: (eye, eye))
+    redraw = "visavis.cli.commands.redraw"
+    monkeypatch.setattr(f"{redraw}.draw_again", lambda *_, **__: (eye, eye))
+    monkeypatch.setattr(f"{redraw}.study_of_session", lambda _: (opened("duel"), ""))
     heights = []
     for name in ("rehearsal", "real"):
         path = tmp_path / f"{name}.png"
