@@ -48,9 +48,11 @@ MODULES: Final = (
 def main() -> None:
     """Serve until the socket is closed; in a forked process run its command and return."""
     control = socket.socket(fileno=int(sys.argv[1]))
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal's whole group
+    # An interruption of a terminal's whole group is for the commands, in which it does what it did
+    # in whoever began this: whatever runs behind a shell ignores it.
+    on_interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN)
     _load()
-    descriptors = _serve(control)
+    descriptors = _serve(control, on_interrupt)
     if descriptors is not None:
         _perform(descriptors)
 
@@ -67,7 +69,7 @@ def _load() -> None:
     gc.freeze()  # so that no collection in a command copies what all share
 
 
-def _serve(control: socket.socket) -> list[int] | None:
+def _serve(control: socket.socket, on_interrupt: Any) -> list[int] | None:
     """Fork a process for every request; return its descriptors there, nothing at the end here."""
     wake_reader, wake_writer = os.pipe()
     for end in (wake_reader, wake_writer):
@@ -89,7 +91,7 @@ def _serve(control: socket.socket) -> list[int] | None:
         if not pid:
             signal.set_wakeup_fd(-1)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.signal(signal.SIGINT, on_interrupt)
             for other in (control, *running.values()):
                 other.close()
             os.close(wake_reader)

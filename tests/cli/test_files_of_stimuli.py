@@ -10,7 +10,7 @@ import pytest
 from PIL import Image as Picture
 from typer.testing import CliRunner
 
-from tests.cli.test_view import header_of
+from tests.cli.viewer_tab import header_of
 from tests.faults.sessions import CONFIG
 from visavis.cli.main import app
 from visavis.lab.errors import DesignError

@@ -3,7 +3,6 @@
 import base64
 import hashlib
 import io
-import json
 import stat
 import zlib
 from collections import Counter
@@ -19,7 +18,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from tests.cli.viewer_tab import CHROMIUM, viewer_tab
+from tests.cli.viewer_tab import CHROMIUM, header_of, viewer_tab
 from tests.sessions import opened, perform
 from visavis.analysis.gaze.aoi import LOST
 from visavis.analysis.gaze.looks import measure_trial
@@ -40,8 +39,6 @@ from visavis.recording.reader import Recording, component_names
 from visavis.results.outputs import write_tables
 from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.card.vertices import person_vertices
-from visavis.stage.errors import StageError
-from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.motion.rotations import one_way_round
@@ -92,15 +89,6 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = CliRunner().invoke(app, ["view", str(recording.path), "-o", str(path)])
     assert done.exit_code == 0, done.output
     return path
-
-
-def header_of(page: Path) -> dict[str, Any]:
-    text = page.read_text(encoding="utf-8")
-    packed = text.partition('id="data">')[2].partition("<")[0]
-    raw = zlib.decompress(base64.b64decode(packed))
-    length = int.from_bytes(raw[:8], "little")
-    found: dict[str, Any] = json.loads(raw[8 : 8 + length])
-    return found
 
 
 def test_a_page_holds_every_trial_stream_and_person(page: Path) -> None:
@@ -221,78 +209,57 @@ def test_quaternions_do_not_jump_to_their_other_sign() -> None:
     assert ((one_way_round(turns)[1:] * one_way_round(turns)[:-1]).sum(axis=1) > 0).all()
 
 
-def test_a_browser_opens_the_page_shows_people_plays_and_obeys_the_keyboard(page: Path) -> None:
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+def test_a_browser_opens_the_page_shows_people_plays_and_obeys_the_keyboard(
+    playwright: Any, page: Path
+) -> None:
     if CHROMIUM is None:
         pytest.skip("there is no chromium; apt install chromium")
-    with playwright.sync_playwright() as driver:
-        flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=flags)
-        tab = browser.new_page(viewport={"width": 900, "height": 640})
-        problems: list[str] = []
-        tab.on("pageerror", lambda error: problems.append(str(error)))
-        asked: list[str] = []
-        tab.on("request", lambda request: asked.append(request.url))
-        tab.goto(page.as_uri())
-        tab.wait_for_selector("body[data-ready]", timeout=60_000)
-        assert [] == problems
-        assert [page.as_uri()] == [url for url in asked if not url.startswith(("blob:", "data:"))]
-        assert "SIMULATED" == tab.inner_text("#badge")
-        colours = """() => { viewer.draw(); const gl = viewer.drawing.gl, p = new Uint8Array(4),
-            seen = new Set(); for (let x = 0; x < 40; x++) for (let y = 0; y < 40; y++) {
-            gl.readPixels(gl.drawingBufferWidth * x / 40, gl.drawingBufferHeight * y / 40, 1, 1,
-            gl.RGBA, gl.UNSIGNED_BYTE, p); seen.add(p.join()); } return seen.size; }"""
-        assert tab.evaluate(colours) > 200
-        before = tab.evaluate("viewer.t")
-        tab.keyboard.press("ArrowRight")
-        assert pytest.approx(before + 0.05) == tab.evaluate("viewer.t")
-        tab.keyboard.press("2")
-        assert "eyes" == tab.evaluate("viewer.camera")
-        tab.keyboard.press("5")
-        assert "topology" == tab.evaluate("viewer.camera")
-        assert tab.evaluate(colours) > 200
-        tab.keyboard.press(" ")
-        tab.wait_for_function(f"viewer.t > {before} + 0.2", timeout=60_000)
-        tab.keyboard.press(" ")
-        tab.keyboard.press(".")
-        assert "T02" == tab.evaluate("viewer.trialAt(viewer.t).id")
-        tab.select_option("#column", index=1)
-        assert 3 == tab.evaluate("viewer.line.plots.length")
-        on_heads, of = tab.evaluate(ENDS_ON_HEADS)
-        assert 50 < of
-        assert 0.95 * of <= on_heads  # an area of interest reaches a little beyond its head
-        # Where the processor draws, people are light while time moves and in full at rest.
-        assert tab.evaluate("viewer.drawing.slow")
-        seek = "(viewer.seek(viewer.header.scenes[0].t0 + 0.2), viewer.draw(), viewer.quick)"
-        assert tab.evaluate(seek)
-        assert tab.evaluate(f"() => {{ {seek}; return ({colours})(); }}") > 200
-        tab.wait_for_function("!viewer.quick", timeout=60_000)
-        drawn, kept, other = tab.evaluate(ROOM_KEPT)
-        assert drawn == kept
-        assert drawn != other
-        browser.close()
+    flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+    browser = playwright.chromium.launch(executable_path=CHROMIUM, args=flags)
+    tab = browser.new_page(viewport={"width": 900, "height": 640})
+    problems: list[str] = []
+    tab.on("pageerror", lambda error: problems.append(str(error)))
+    asked: list[str] = []
+    tab.on("request", lambda request: asked.append(request.url))
+    tab.goto(page.as_uri())
+    tab.wait_for_selector("body[data-ready]", timeout=60_000)
     assert [] == problems
-
-
-def test_a_session_on_a_page_shows_films_questions_and_answers_in_time(tmp_path: Path) -> None:
-    study = opened("films")
-    settings_at = study_dir(tmp_path, study.name, is_simulated=True)
-    settle(settings_at, wanted_settings(settings_at, study, is_simulated=True), seed_given=False)
-    recording = perform("films", tmp_path)
-    path = tmp_path / "films.html"
-    try:
-        Renderer(quality=LIGHTEST).close()
-    except StageError as problem:
-        pytest.skip(str(problem))
-    done = CliRunner().invoke(app, ["view", str(recording.path), "-o", str(path)])
-    assert done.exit_code == 0, done.output
-    header = header_of(path)
-    assert ["P1"] * 3 + ["T01"] * 3 + ["T02"] * 3 == [s["trial"] for s in header["pages"]]
-    assert [1, 2, 0] * 3 == [len(s["films"]) for s in header["pages"]]
-    assert {6} == {len(f["frames"]) for f in header["films"]}
-    row = recording.trials().iloc[-1]
-    assert str(row["lively"]) == header["pages"][6]["questions"][0]["answer"]
-    assert pytest.approx(row["film_on_ns"] / 1e9, abs=1e-6) == header["pages"][6]["on"]
+    assert [page.as_uri()] == [url for url in asked if not url.startswith(("blob:", "data:"))]
+    assert "SIMULATED" == tab.inner_text("#badge")
+    colours = """() => { viewer.draw(); const gl = viewer.drawing.gl, p = new Uint8Array(4),
+        seen = new Set(); for (let x = 0; x < 40; x++) for (let y = 0; y < 40; y++) {
+        gl.readPixels(gl.drawingBufferWidth * x / 40, gl.drawingBufferHeight * y / 40, 1, 1,
+        gl.RGBA, gl.UNSIGNED_BYTE, p); seen.add(p.join()); } return seen.size; }"""
+    assert tab.evaluate(colours) > 200
+    before = tab.evaluate("viewer.t")
+    tab.keyboard.press("ArrowRight")
+    assert pytest.approx(before + 0.05) == tab.evaluate("viewer.t")
+    tab.keyboard.press("2")
+    assert "eyes" == tab.evaluate("viewer.camera")
+    tab.keyboard.press("5")
+    assert "topology" == tab.evaluate("viewer.camera")
+    assert tab.evaluate(colours) > 200
+    tab.keyboard.press(" ")
+    tab.wait_for_function(f"viewer.t > {before} + 0.2", timeout=60_000)
+    tab.keyboard.press(" ")
+    tab.keyboard.press(".")
+    assert "T02" == tab.evaluate("viewer.trialAt(viewer.t).id")
+    tab.select_option("#column", index=1)
+    assert 3 == tab.evaluate("viewer.line.plots.length")
+    on_heads, of = tab.evaluate(ENDS_ON_HEADS)
+    assert 50 < of
+    assert 0.95 * of <= on_heads  # an area of interest reaches a little beyond its head
+    # Where the processor draws, people are light while time moves and in full at rest.
+    assert tab.evaluate("viewer.drawing.slow")
+    seek = "(viewer.seek(viewer.header.scenes[0].t0 + 0.2), viewer.draw(), viewer.quick)"
+    assert tab.evaluate(seek)
+    assert tab.evaluate(f"() => {{ {seek}; return ({colours})(); }}") > 200
+    tab.wait_for_function("!viewer.quick", timeout=60_000)
+    drawn, kept, other = tab.evaluate(ROOM_KEPT)
+    assert drawn == kept
+    assert drawn != other
+    browser.close()
+    assert [] == problems
 
 
 def test_a_light_mesh_has_the_eyes_last_and_fewer_triangles_where_there_are_many_people(
@@ -340,9 +307,9 @@ def test_trials_that_do_not_fit_into_a_page_are_loaded_from_beside_it(
 
 
 @pytest.fixture(scope="module")
-def tab(page: Path) -> Iterator[Any]:
+def tab(playwright: Any, page: Path) -> Iterator[Any]:
     """The page in a real browser, at a moment of its first trial."""
-    with viewer_tab(page, 1000, 700) as (window, problems):
+    with viewer_tab(playwright, page, 1000, 700) as (window, problems):
         window.evaluate("viewer.seek(viewer.header.trials.at(-1).t0 + 0.5)")
         window.wait_for_function("viewer.panelTrial?.startsWith('T04')", timeout=60_000)
         yield window

@@ -261,8 +261,8 @@ def test_a_painted_area_has_the_outlines_of_its_pixels_on_its_picture() -> None:
 
 
 @pytest.fixture(scope="module")
-def tab(page: Page) -> Iterator[Any]:
-    with viewer_tab(page.file, 1000, 700) as (window, problems):
+def tab(playwright: Any, page: Page) -> Iterator[Any]:
+    with viewer_tab(playwright, page.file, 1000, 700) as (window, problems):
         yield window
     assert [] == problems
 

@@ -317,8 +317,8 @@ def test_a_page_says_that_its_study_has_changed_since(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def tab(page: Page) -> Iterator[Any]:
-    with viewer_tab(page.file, 1000, 700) as (window, problems):
+def tab(playwright: Any, page: Page) -> Iterator[Any]:
+    with viewer_tab(playwright, page.file, 1000, 700) as (window, problems):
         yield window
     assert [] == problems
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.cli.test_view import header_of
-from tests.cli.viewer_tab import viewer_tab
+from tests.cli.viewer_tab import header_of, viewer_tab
 from tests.sessions import opened, perform
 from visavis.analysis.gaze.aoi import LOST
 from visavis.analysis.gaze.looks import measure_trial
@@ -46,9 +45,9 @@ def page(folder: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def tab(page: Path) -> Iterator[Any]:
+def tab(playwright: Any, page: Path) -> Iterator[Any]:
     """The page in a real browser, in the middle of the trial."""
-    with viewer_tab(page, 1000, 700) as (window, problems):
+    with viewer_tab(playwright, page, 1000, 700) as (window, problems):
         window.evaluate(
             """() => { const both = t => viewer.sessions.every(s => { const g =
             s.streams.gazeAt(t); return g && g.valid && !Number.isNaN(g.far); });

@@ -1,6 +1,9 @@
-"""A page of the viewer in a real browser."""
+"""A page of the viewer: what it says of a session, and in a real browser."""
 
+import base64
+import json
 import shutil
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,19 +23,31 @@ def page_array(arrays: bytes, ref: dict[str, Any]) -> npt.NDArray[Any]:
     return flat.reshape(-1, rows).T.reshape(rows, *shape)
 
 
+def header_of(page: Path) -> dict[str, Any]:
+    """Return what a page says of its session; arrays apart."""
+    text = page.read_text(encoding="utf-8")
+    packed = text.partition('id="data">')[2].partition("<")[0]
+    raw = zlib.decompress(base64.b64decode(packed))
+    length = int.from_bytes(raw[:8], "little")
+    header: dict[str, Any] = json.loads(raw[8 : 8 + length])
+    return header
+
+
 @contextmanager
-def viewer_tab(page: Path, width_px: int, height_px: int) -> Iterator[tuple[Any, list[str]]]:
-    """Open a page; yield its tab when the page is ready, and the errors of its scripts."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+def viewer_tab(
+    playwright: Any, page: Path, width_px: int, height_px: int
+) -> Iterator[tuple[Any, list[str]]]:
+    """Open a page in a browser that the module's driver (`playwright`) begins; yield its tab when
+    the page is ready, and the errors of its scripts.
+    """
     if CHROMIUM is None:
         pytest.skip("there is no chromium; apt install chromium")
-    with playwright.sync_playwright() as driver:
-        flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=flags)
-        tab = browser.new_page(viewport={"width": width_px, "height": height_px})
-        problems: list[str] = []
-        tab.on("pageerror", lambda error: problems.append(str(error)))
-        tab.goto(page.as_uri())
-        tab.wait_for_selector("body[data-ready]", timeout=60_000)
-        yield tab, problems
-        browser.close()
+    flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+    browser = playwright.chromium.launch(executable_path=CHROMIUM, args=flags)
+    tab = browser.new_page(viewport={"width": width_px, "height": height_px})
+    problems: list[str] = []
+    tab.on("pageerror", lambda error: problems.append(str(error)))
+    tab.goto(page.as_uri())
+    tab.wait_for_selector("body[data-ready]", timeout=60_000)
+    yield tab, problems
+    browser.close()
