@@ -9,7 +9,6 @@ import pytest
 
 import visavis.running.sessions.perform
 from tests.faults.sessions import TRIALS, events, lab, path_of, perform
-from tests.sessions import opened
 from tests.stage.sessions import NowAndThen, perform_shortest
 from visavis.cli.redraw import recorded_frame, redraw
 from visavis.lab.clock import NS_PER_S, Clock
@@ -17,6 +16,7 @@ from visavis.lab.errors import DesignError, DeviceError, SessionAborted, UsageEr
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
 from visavis.recording.reader import Recording
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.stage.contracts import GeometryStage, Viewer
 from visavis.stage.drawn_stage import Display, default_views
 from visavis.stage.errors import StageError
@@ -51,7 +51,8 @@ def test_recorded_frames_redraw_as_they_were(
 
     monkeypatch.setattr(visavis.running.sessions.perform, "build_stage", build)
     recording = perform_shortest(lab(tmp_path))
-    study = opened("stare")
+    study = find_study("stare")
+    assert isinstance(study, OpenedStudy)
     assert recording.status == "complete"
     (stage,) = made
     drawn = recording.stream_arrays("drawn")
