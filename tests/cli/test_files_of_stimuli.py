@@ -29,7 +29,7 @@ def trial(t):
     yield t.play("voice.wav", wait="no")
     yield t.show(Image("a.png", 12, areas="a.yaml"), 0.5)
 """
-PAGED = """
+PAGE_STUDY = """
 from visavis import Factor, Image, Keys, Study, pointer_at
 
 study = Study("paged", factors=[Factor("side", ["left"])], on="browser", uses=(),
@@ -65,7 +65,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """
     folder = tmp_path_factory.mktemp("stimuli")
     (folder / "here.py").write_text(HERE, "utf-8")
-    (folder / "paged.py").write_text(PAGED, "utf-8")
+    (folder / "paged.py").write_text(PAGE_STUDY, "utf-8")
     (folder / "a.yaml").write_text(AREAS, "utf-8")
     with wave.open(str(folder / "voice.wav"), "wb") as voice:
         voice.setparams((1, 2, 48_000, 0, "NONE", ""))

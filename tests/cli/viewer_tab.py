@@ -26,8 +26,8 @@ def page_array(arrays: bytes, ref: dict[str, Any]) -> npt.NDArray[Any]:
 def header_of(page: Path) -> dict[str, Any]:
     """Return what a page says of its session; arrays apart."""
     text = page.read_text(encoding="utf-8")
-    packed = text.partition('id="data">')[2].partition("<")[0]
-    raw = zlib.decompress(base64.b64decode(packed))
+    payload = text.partition('id="data">')[2].partition("<")[0]
+    raw = zlib.decompress(base64.b64decode(payload))
     length = int.from_bytes(raw[:8], "little")
     header: dict[str, Any] = json.loads(raw[8 : 8 + length])
     return header

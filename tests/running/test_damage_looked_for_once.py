@@ -39,9 +39,9 @@ def test_a_session_is_measured_by_the_report_on_its_damage(session: Path) -> Non
         (),
         "a sector of the disk",
     )
-    damaged = replace(report, trials=(trial,))
+    lossy_report = replace(report, trials=(trial,))
     study = str(STUDIES / "duel.py")
-    rows = measure_one(MeasuringTask(study, session, damage=damaged)).rows
+    rows = measure_one(MeasuringTask(study, session, damage=lossy_report)).rows
     assert [DAMAGED_STATUS, "complete"] == list(rows["status"][:2])
     assert "a sector of the disk" == rows["reason"].iloc[0]
     rows = measure_one(MeasuringTask(study, session)).rows
