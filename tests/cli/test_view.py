@@ -307,7 +307,7 @@ def test_trials_that_do_not_fit_into_a_page_are_loaded_from_beside_it(
 
 
 @pytest.fixture(scope="module")
-def tab(playwright: Any, page: Path) -> Iterator[Any]:
+def tab(page: Path, playwright: Any) -> Iterator[Any]:
     """The page in a real browser, at a moment of its first trial."""
     with viewer_tab(playwright, page, 1000, 700) as (window, problems):
         window.evaluate("viewer.seek(viewer.header.trials.at(-1).t0 + 0.5)")

@@ -261,7 +261,7 @@ def test_a_painted_area_has_the_outlines_of_its_pixels_on_its_picture() -> None:
 
 
 @pytest.fixture(scope="module")
-def tab(playwright: Any, page: Page) -> Iterator[Any]:
+def tab(page: Page, playwright: Any) -> Iterator[Any]:
     with viewer_tab(playwright, page.file, 1000, 700) as (window, problems):
         yield window
     assert [] == problems

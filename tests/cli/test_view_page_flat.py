@@ -317,7 +317,7 @@ def test_a_page_says_that_its_study_has_changed_since(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def tab(playwright: Any, page: Page) -> Iterator[Any]:
+def tab(page: Page, playwright: Any) -> Iterator[Any]:
     with viewer_tab(playwright, page.file, 1000, 700) as (window, problems):
         yield window
     assert [] == problems

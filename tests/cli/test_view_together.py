@@ -45,7 +45,7 @@ def page(folder: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def tab(playwright: Any, page: Path) -> Iterator[Any]:
+def tab(page: Path, playwright: Any) -> Iterator[Any]:
     """The page in a real browser, in the middle of the trial."""
     with viewer_tab(playwright, page, 1000, 700) as (window, problems):
         window.evaluate(
