@@ -10,7 +10,6 @@ from typing import Any, TypeAlias
 
 from visavis.lab.errors import DataError
 from visavis.recording.durable import replace_file
-from visavis.recording.integrity import DamageReport, adopt_report
 from visavis.recording.reader import Recording
 from visavis.recording.sealed import read_sealed, seal
 from visavis.results.intake import SessionIntake
@@ -63,18 +62,14 @@ def measure_sessions(
     run: Runner,
     settings: Mapping[str, Any],
     on_trial: Callable[[int, int], None] | None = None,
-    reports: Sequence[DamageReport] = (),
 ) -> list[SessionIntake]:
     """Measure every trial that `store` does not hold yet, then take in the sessions.
 
     Each trial is written to `store` as soon as it is measured, so a later call goes on where
-    this one was stopped. `on_trial` is called with the number of trials done and of all; `reports`
-    are what was found of the sessions' damage just before, where it was looked for.
+    this one was stopped. `on_trial` is called with the number of trials done and of all.
     """
     how, reference = pieces.how_with(settings), reference_of(study.study)
     recordings = [Recording(path) for path in sessions]
-    for recording, report in zip(recordings, reports, strict=False):
-        adopt_report(recording, report)
     for recording in recordings:  # an error is better now than after hours of measuring
         study.experiment_of(recording)
     jobs: list[tuple[TrialJob, Path]] = []

@@ -314,15 +314,7 @@ def analyse_study(
     pieces = opened_study.pieces
     if pieces is not None:
         intakes = _measure_piecewise(
-            opened_study,
-            pieces,
-            sessions,
-            reports,
-            folder,
-            processes,
-            scheduler,
-            settings,
-            notifier,
+            opened_study, pieces, sessions, folder, processes, scheduler, settings, notifier
         )
     else:
         intakes = _measure_sessions(
@@ -528,7 +520,6 @@ def _measure_piecewise(
     study: OpenedStudy,
     pieces: Pieces,
     sessions: Sequence[Path],
-    reports: Sequence[DamageReport],
     folder: Path,
     processes: int | None,
     scheduler: str | None,
@@ -539,9 +530,7 @@ def _measure_piecewise(
     run = partial(_run, processes=processes, scheduler=scheduler)
     store = folder / DERIVED_FOLDER / MEASURED_FOLDER
     with notifier.progress("measuring") as report_progress:
-        return measure_sessions(
-            study, pieces, sessions, store, run, settings, report_progress, reports
-        )
+        return measure_sessions(study, pieces, sessions, store, run, settings, report_progress)
 
 
 def _from_root(folder: Path) -> str:
