@@ -49,7 +49,7 @@ def test_a_sound_file_is_green(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("stamps", "level", "said"),
+    ("stamps", "level", "text"),
     [
         (np.delete(REGULAR, slice(300, 500)), Level.RED, "1 gaps, the longest 2.010 s"),
         (np.delete(REGULAR, slice(300, 310)), Level.AMBER, "1 gaps, the longest 0.110 s"),
@@ -59,11 +59,11 @@ def test_a_sound_file_is_green(tmp_path: Path) -> None:
     ],
 )
 def test_a_fault_of_times_is_named(
-    stamps: np.ndarray, level: Level, said: str, tmp_path: Path
+    stamps: np.ndarray, level: Level, text: str, tmp_path: Path
 ) -> None:
     (findings,) = check_foreign(written(tmp_path / "a.xdf", ("gaze", stamps, OFFSETS)))
     assert level is findings.level
-    assert any(said in what for what, _ in findings.findings)
+    assert any(text in what for what, _ in findings.findings)
 
 
 def test_a_stream_without_offsets_and_one_beside_the_others_are_named(tmp_path: Path) -> None:
@@ -76,9 +76,9 @@ def test_a_stream_without_offsets_and_one_beside_the_others_are_named(tmp_path: 
         ("belt", other_clock, [(90_000.0, -90_000.0)]),
     )
     findings = check_foreign(path)
-    said = [what for what, _ in of(findings, "body").findings]
-    assert "no clock offset" in said
-    assert any("does not overlap the others" in what for what in said)
+    texts = [what for what, _ in of(findings, "body").findings]
+    assert "no clock offset" in texts
+    assert any("does not overlap the others" in what for what in texts)
     assert Level.RED is of(findings, "body").level
     assert Level.GREEN is of(findings, "belt").level
 

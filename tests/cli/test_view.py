@@ -219,17 +219,17 @@ def test_a_browser_opens_the_page_shows_people_plays_and_obeys_the_keyboard(
     tab = browser.new_page(viewport={"width": 900, "height": 640})
     problems: list[str] = []
     tab.on("pageerror", lambda error: problems.append(str(error)))
-    asked: list[str] = []
-    tab.on("request", lambda request: asked.append(request.url))
+    addresses: list[str] = []
+    tab.on("request", lambda request: addresses.append(request.url))
     tab.goto(page.as_uri())
     tab.wait_for_selector("body[data-ready]", timeout=60_000)
     assert [] == problems
-    assert [page.as_uri()] == [url for url in asked if not url.startswith(("blob:", "data:"))]
+    assert [page.as_uri()] == [url for url in addresses if not url.startswith(("blob:", "data:"))]
     assert "SIMULATED" == tab.inner_text("#badge")
     colours = """() => { viewer.draw(); const gl = viewer.drawing.gl, p = new Uint8Array(4),
-        seen = new Set(); for (let x = 0; x < 40; x++) for (let y = 0; y < 40; y++) {
+        tones = new Set(); for (let x = 0; x < 40; x++) for (let y = 0; y < 40; y++) {
         gl.readPixels(gl.drawingBufferWidth * x / 40, gl.drawingBufferHeight * y / 40, 1, 1,
-        gl.RGBA, gl.UNSIGNED_BYTE, p); seen.add(p.join()); } return seen.size; }"""
+        gl.RGBA, gl.UNSIGNED_BYTE, p); tones.add(p.join()); } return tones.size; }"""
     assert tab.evaluate(colours) > 200
     before = tab.evaluate("viewer.t")
     tab.keyboard.press("ArrowRight")
@@ -515,8 +515,8 @@ def test_a_file_for_rerun_holds_people_gaze_and_every_column(tmp_path: Path) -> 
     settle(settings_at, wanted_settings(settings_at, study, is_simulated=True), seed_given=False)
     recording = perform("duel", tmp_path, repetitions=1, practice=0)
     path = tmp_path / "duel.rrd"
-    asked = ["view", str(recording.path), "--trial", "T01", "--rerun", str(path)]
-    done = CliRunner().invoke(app, asked)
+    addresses = ["view", str(recording.path), "--trial", "T01", "--rerun", str(path)]
+    done = CliRunner().invoke(app, addresses)
     assert done.exit_code == 0, done.output
     rows: dict[str, int] = {}
     for piece in chunk.RrdReader(path).stream().to_chunks():
@@ -652,9 +652,9 @@ def test_firefox_shows_the_page_and_does_what_is_clicked(
     assert "SIMULATED" == window.evaluate("document.getElementById('badge').textContent")
     window.evaluate("viewer.seek(viewer.header.trials[0].t0 + 0.5)")
     colours = """(() => { viewer.draw(); const gl = viewer.drawing.gl, p = new Uint8Array(4),
-        seen = new Set(); for (let x = 0; x < 40; x++) for (let y = 0; y < 40; y++) {
+        tones = new Set(); for (let x = 0; x < 40; x++) for (let y = 0; y < 40; y++) {
         gl.readPixels(gl.drawingBufferWidth * x / 40, gl.drawingBufferHeight * y / 40, 1, 1,
-        gl.RGBA, gl.UNSIGNED_BYTE, p); seen.add(p.join()); } return seen.size; })()"""
+        gl.RGBA, gl.UNSIGNED_BYTE, p); tones.add(p.join()); } return tones.size; })()"""
     assert 200 < window.evaluate(colours)
     before = window.evaluate("viewer.t")
     window.click("#play")

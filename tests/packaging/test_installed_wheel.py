@@ -204,7 +204,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("new lab")
 
 
-def said(done: subprocess.CompletedProcess[str]) -> str:
+def output_of(done: subprocess.CompletedProcess[str]) -> str:
     assert 0 == done.returncode, done.stdout[-2000:] + done.stderr[-2000:]
     return done.stdout
 
@@ -216,16 +216,16 @@ def test_the_wheel_holds_one_package_and_every_room_is_its_own(
         tops = {name.partition("/")[0] for name in wheel.namelist()}
     assert {"visavis"} == {top for top in tops if not top.endswith(".dist-info")}
     program = f"import {', '.join(ROOMS)}\nprint(*[{', '.join(ROOMS)}], sep='\\n')"
-    output = said(installed.run("python", "-c", program, cwd=tmp_path))
+    output = output_of(installed.run("python", "-c", program, cwd=tmp_path))
     assert len(ROOMS) == output.count(str(installed.programs.parent)), output
     assert str(ROOT) not in output
 
 
 def test_the_version_is_that_of_the_wheel(installed: Installed, tmp_path: Path) -> None:
     expected = installed.wheel.name.split("-")[1]
-    assert f"visavis {expected}\n" == said(installed.run("visavis", "--version", cwd=tmp_path))
+    assert f"visavis {expected}\n" == output_of(installed.run("visavis", "--version", cwd=tmp_path))
     as_module = installed.run("python", "-m", "visavis", "--version", cwd=tmp_path)
-    assert f"visavis {expected}\n" == said(as_module)
+    assert f"visavis {expected}\n" == output_of(as_module)
     assert f'version = "{expected}"' in (ROOT / "pyproject.toml").read_text("utf-8")
 
 
@@ -258,14 +258,14 @@ def test_without_a_configuration_a_session_is_refused_and_the_doctor_says_what_t
 def test_a_new_lab_begins_with_a_configuration_the_doctor_finds_ready(
     installed: Installed, folder: Path
 ) -> None:
-    said(installed.run("visavis", "init", cwd=folder))
-    report = json.loads(said(installed.run("visavis", "doctor", "--json", cwd=folder)))
+    output_of(installed.run("visavis", "init", cwd=folder))
+    report = json.loads(output_of(installed.run("visavis", "doctor", "--json", cwd=folder)))
     assert str(folder / "lab_config.yaml") == report["config"]
     assert [] == [f for f in report["findings"] if f["level"] == "missing"]
 
 
 def test_a_plan_is_shown(installed: Installed, folder: Path) -> None:
-    plan = said(installed.run("visavis", "plan", "stare", "--participant", "07", cwd=folder))
+    plan = output_of(installed.run("visavis", "plan", "stare", "--participant", "07", cwd=folder))
     assert "72 trials in 3 blocks" in plan
 
 
@@ -273,7 +273,7 @@ def test_a_study_is_simulated_and_analysed(installed: Installed, folder: Path) -
     simulate = ["simulate", "stare", "--participants", "2", *SHORT_STARE, *ONE, "--output", "dry"]
     analyse = ["analyse", "dry/simulated/stare", *ONE]
     verbs = (" ".join(words) for words in (simulate, analyse))
-    said(installed.run("python", "-c", IN_TURN, *verbs, cwd=folder))
+    output_of(installed.run("python", "-c", IN_TURN, *verbs, cwd=folder))
     assert (folder / "dry/simulated/stare/derived/report.html").stat().st_size > 10_000
 
 
@@ -285,7 +285,7 @@ def test_a_study_file_goes_through_every_verb_beside_a_labs_own_modules(
     fill_lab_folder(tmp_path)
     draws = can_draw()
     verbs = [verb for verb in EVERY_VERB if draws or verb.split()[0] not in DRAWING]
-    said(installed.run("python", "-c", IN_TURN, *verbs, cwd=tmp_path))
+    output_of(installed.run("python", "-c", IN_TURN, *verbs, cwd=tmp_path))
     assert (tmp_path / "data/simulated/duel/derived/report.html").stat().st_size > 10_000
     assert (tmp_path / "dry/simulated/duel/derived/report.html").stat().st_size > 10_000
     assert list((tmp_path / "out").rglob("*.parquet"))
@@ -293,7 +293,7 @@ def test_a_study_file_goes_through_every_verb_beside_a_labs_own_modules(
 
 
 def test_the_demo_writes_a_report_in_an_empty_folder(installed: Installed, tmp_path: Path) -> None:
-    said(installed.run("visavis", "demo", "--participants", "1", cwd=tmp_path))
+    output_of(installed.run("visavis", "demo", "--participants", "1", cwd=tmp_path))
     assert (tmp_path / "demo/simulated/stare/derived/report.html").stat().st_size > 10_000
     assert ["demo"] == [p.name for p in tmp_path.iterdir()]
 
@@ -302,7 +302,7 @@ def test_script_beside_a_labs_own_modules_imports_theirs_and_visavis(
     installed: Installed, tmp_path: Path
 ) -> None:
     fill_lab_folder(tmp_path)
-    printed = said(installed.run("python", "script.py", cwd=tmp_path))
+    printed = output_of(installed.run("python", "script.py", cwd=tmp_path))
     assert "visavis.study.declaration visavis.analysis.gaze" in printed
 
 
@@ -335,6 +335,6 @@ print(EXAMPLE.read_text("utf-8"))
         check=False,
         cwd=tmp_path,
     )
-    file, _, example = said(done).partition("\n")
+    file, _, example = output_of(done).partition("\n")
     assert str(clone / "experiments/stare/study.py") == file
     assert (ROOT / "lab_config.yaml").read_text("utf-8") == example.removesuffix("\n")

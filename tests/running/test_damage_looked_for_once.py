@@ -1,11 +1,13 @@
 """A session's files are looked through for damage once, before it is measured."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from tests.sessions import STUDIES, perform
+from visavis.lab.errors import DataError
 from visavis.recording import reader
 from visavis.recording.integrity import DAMAGED_STATUS, TrialDamage, damage_of
 from visavis.recording.reader import Recording
@@ -46,3 +48,18 @@ def test_a_session_is_measured_by_the_report_on_its_damage(session: Path) -> Non
     assert "a sector of the disk" == rows["reason"].iloc[0]
     rows = measure_one(MeasuringTask(study, session)).rows
     assert ["complete", "complete"] == list(rows["status"][:2])
+
+
+def test_a_file_that_is_damaged_after_the_report_is_no_shorter_stream(
+    session: Path, tmp_path: Path
+) -> None:
+    copy = Path(shutil.copytree(session, tmp_path / session.parent.name / session.name))
+    (report,) = require_intact([copy], accept=False)
+    gaze = next(copy.glob("part-*/gaze.arrows"))
+    gaze.chmod(0o600)
+    content = bytearray(gaze.read_bytes())
+    content[len(content) // 2] ^= 1
+    gaze.write_bytes(content)
+    task = MeasuringTask(str(STUDIES / "duel.py"), copy, damage=report)
+    with pytest.raises(DataError, match="damaged or changed after its files had been verified"):
+        measure_one(task)

@@ -14,6 +14,7 @@ from weakref import WeakKeyDictionary
 
 import pandas as pd
 
+from visavis.lab.errors import DataError
 from visavis.recording.journal import JOURNAL_NAME
 from visavis.recording.journal_file import JournalContent
 from visavis.recording.manifest import MANIFEST_NAME, Part
@@ -135,6 +136,19 @@ def damage_of(recording: Recording) -> DamageReport:
 def adopt_report(recording: Recording, report: DamageReport) -> None:
     """Let `damage_of` give a report that another process made of the same files just before."""
     _REPORTS[recording] = report
+
+
+def confirm_report(recording: Recording) -> None:
+    """Look again where a file that was read after an adopted report had something wrong.
+
+    Raises:
+        DataError: the files are no longer what the report says of them.
+    """
+    if recording.has_met_problems and _damage_of(Recording(recording.path)) != damage_of(recording):
+        raise DataError(
+            f"{recording.path} was damaged or changed after its files had been verified; give the "
+            "same command again to see what is missing"
+        )
 
 
 def _damage_of(recording: Recording) -> DamageReport:

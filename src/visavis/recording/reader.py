@@ -247,6 +247,11 @@ class Recording:
         """Return what the event journal of a part holds, and what is wrong with it."""
         return self._journal(number)
 
+    @property
+    def has_met_problems(self) -> bool:
+        """Whether anything was wrong with a stream's file that was read so far."""
+        return any(state.problems for state in self._states.values())
+
     def stream_states(self, number: int) -> dict[str, StreamContent]:
         """Return what is there of every stream of a part, without samples."""
         return {name: self._state(number, name) for name in self._names(number)}

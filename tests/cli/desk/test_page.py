@@ -107,20 +107,20 @@ def shown(page: Any, place: str, text: str) -> None:
 def command(link: SessionLink) -> Command:
     watch = StopWatch()
     while watch.elapsed_s() < PATIENCE_S:
-        asked = list(link.poll())
-        if asked:
-            assert 1 == len(asked)
-            return asked[0]
+        commands = list(link.poll())
+        if commands:
+            assert 1 == len(commands)
+            return commands[0]
     raise AssertionError("nothing was asked for")
 
 
 def test_the_page_says_what_the_terminal_says(address: str, browser: Any, tmp_path: Path) -> None:
-    asked: list[str] = []
+    addresses: list[str] = []
     problems: list[str] = []
     with session(tmp_path) as link:
         link.show(replace(seen(True), flags=("left_eye_lost",), prompt="Break."))
         page = browser.new_page()
-        page.on("request", lambda request: asked.append(request.url))
+        page.on("request", lambda request: addresses.append(request.url))
         page.on("pageerror", lambda error: problems.append(str(error)))
         page.goto(address)
         for place, text in (
@@ -142,7 +142,7 @@ def test_the_page_says_what_the_terminal_says(address: str, browser: Any, tmp_pa
         ):
             shown(page, place, text)
     assert [] == problems
-    assert all(url.startswith((address.split("#")[0], "data:")) for url in asked)
+    assert all(url.startswith((address.split("#")[0], "data:")) for url in addresses)
 
 
 def test_no_fault_is_green_only_where_nothing_was_missed(
@@ -463,5 +463,5 @@ def test_a_session_in_real_time_is_commanded_and_outlives_a_killed_desk(
             process.stdout.close()
     path = tmp_path / "data/simulated/greeting/sub-S01B/ses-001"
     events = Recording(path).events()
-    asked = [e["action"] for e in events.loc[events["name"] == "operator", "payload"]]
-    assert ["note", "pause", "advance", "abort"] == asked
+    actions = [e["action"] for e in events.loc[events["name"] == "operator", "payload"]]
+    assert ["note", "pause", "advance", "abort"] == actions

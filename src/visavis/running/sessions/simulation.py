@@ -12,7 +12,7 @@ from visavis.lab.compile_ahead import compile_kernel, read_list
 from visavis.lab.config import LabConfig
 from visavis.lab.garbage import collecting_seldom
 from visavis.recording.folder import session_dir
-from visavis.recording.integrity import DamageReport, adopt_report
+from visavis.recording.integrity import DamageReport, adopt_report, confirm_report
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new, perform_rest
@@ -119,4 +119,6 @@ def measure_one(task: MeasuringTask) -> Any:
     if task.damage is not None:
         adopt_report(recording, task.damage)
     use_recorded_cast(recording)
-    return find_study(task.study).measure(recording, task.settings)
+    intake = find_study(task.study).measure(recording, task.settings)
+    confirm_report(recording)
+    return intake

@@ -382,7 +382,8 @@ def _with_recorded_design(
     now = opened_study.experiment(parameters, is_recorded=True)
     if now.areas_gone:
         names = ", ".join(sorted(now.areas_gone))
-        notifier.warn(f"{names} is gone: areas of interest are those of the recordings")
+        are = "is" if len(now.areas_gone) == 1 else "are"
+        notifier.warn(f"{names} {are} gone: areas of interest are those of the recordings")
     changes, mixture_warning = compare_designs(manifests, now)
     require_recorded_factors(folder, manifests, now)
     if changes:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import yaml
 
@@ -333,6 +333,9 @@ def study_of_session(*recordings: Recording) -> tuple[OpenedStudy, str]:
     return study, "\n".join(filter(None, (warning, words_on_files(study, recordings))))
 
 
+RECORDED_AREAS: Final = "Areas of interest are those of the recording"
+
+
 def words_on_files(study: OpenedStudy, recordings: Sequence[Recording]) -> str:
     """Return which files of stimuli are other ones now than when sessions of a study were recorded,
     or gone; "" where none is.
@@ -352,7 +355,11 @@ def words_on_files(study: OpenedStudy, recordings: Sequence[Recording]) -> str:
     return "\n".join(
         (
             *([f"{others}; put them back to see what was shown"] if others else []),
-            *([f"{losses}; areas of interest are those of the recording"] if losses else []),
+            *(
+                [f"{losses}; put them back to see what was shown. {RECORDED_AREAS}"]
+                if losses
+                else []
+            ),
         )
     )
 
