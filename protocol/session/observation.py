@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.devices.contracts import GAZE, ClockPair
+from visavis.lab.clock import NS_PER_S
 from visavis.lab.clock_fit import latest_quick, offset_ns
 from visavis.lab.compiled import compiled
 from visavis.lab.schema import SampleBatch
@@ -18,8 +19,8 @@ from visavis.protocol.session.row_buffer import RowBuffer
 from visavis.stimuli.scene import Scene
 from visavis.stimuli.visibility import HIT_LOST, HIT_NOTHING, SceneGeometry, observe_rays
 
-DELAYS_KEPT = 240
-"""Number of gaze batches searched for the least delay: some seconds."""
+DELAYS_NS = 4 * NS_PER_S
+"""How far back samples are searched for the least delay."""
 RECENT_EXCHANGES = 24
 """Number of time exchanges from which the tracker's clock is dated: some seconds."""
 
@@ -266,7 +267,7 @@ class GazeObserver:
         self._columns = _Columns.of(targets.columns)
         self._spare: _Columns | None = None
         self._inbox: deque[SampleBatch] = deque()
-        self._delays_ns: deque[int] = deque(maxlen=DELAYS_KEPT)
+        self._arrivals_and_delays_ns: deque[tuple[int, int]] = deque()
         self.heads = HeadHistory()
         """Where the head was, and is foreseen to be; gaze is turned by it."""
         self._waiting: list[LateGaze] = []
@@ -279,11 +280,14 @@ class GazeObserver:
     def take(self, batch: SampleBatch) -> None:
         """Accept a batch of the gaze stream; may be called from the device's thread."""
         self._inbox.append(batch)
-        # for the one or two samples of a frame, an array's own minimum is slower
-        least_ns = min(map(sub, batch.t_host_ns.tolist(), batch.t_device_ns.tolist()))
-        self._delays_ns.append(least_ns)
+        arrivals_ns = batch.t_host_ns.tolist()
+        delays_ns = list(map(sub, arrivals_ns, batch.t_device_ns.tolist()))
+        recent = self._arrivals_and_delays_ns
+        recent.extend(zip(arrivals_ns, delays_ns, strict=True))
+        while recent[0][0] < arrivals_ns[-1] - DELAYS_NS:
+            recent.popleft()
         if self.clock_offset_ns is None:
-            self.clock_offset_ns = least_ns
+            self.clock_offset_ns = min(delays_ns)
 
     def align(self, exchanges: Sequence[ClockPair]) -> None:
         """Date coming samples by the present estimate of the tracker's clock offset."""
@@ -299,7 +303,8 @@ class GazeObserver:
 
         For a tracker that cannot report its time, this is its clock's offset plus the least delay.
         """
-        return min(tuple(self._delays_ns), default=None)
+        recent = tuple(self._arrivals_and_delays_ns)
+        return min((delay_ns for _, delay_ns in recent), default=None)
 
     def times_ns(self, batch: SampleBatch) -> npt.NDArray[np.int64]:
         """Return the session times (n,) at which the eyes of a batch's samples were seen."""
@@ -348,7 +353,7 @@ class GazeObserver:
     def observe_waiting(self) -> Sequence[int]:
         """Evaluate deferred samples as each waiting frame would have; return counts per frame."""
         waiting, self._waiting = self._waiting, []
-        batch = self._gather() if self._inbox else None
+        batch = self._gather(waiting[-1].frame_ns) if self._inbox and waiting else None
         if batch is None or self._geometry is None:
             for one in waiting:
                 one.set_samples(self._empty, 0, 0)
@@ -363,7 +368,6 @@ class GazeObserver:
         there_ns = np.maximum.accumulate(batch.t_host_ns)
         frames_ns = [one.frame_ns for one in waiting]
         ends = np.searchsorted(there_ns, frames_ns, side="right")
-        ends[-1] = batch.seq.shape[0]
         frames = np.empty((len(waiting), 6), np.int64)
         frames[:, 0], frames[:, 1:] = ends, [one.frame for one in waiting]
         gaze = self._recorded(batch, self._geometry, frames)
@@ -381,12 +385,12 @@ class GazeObserver:
         self,
         batch: SampleBatch,
         frames_ns: Sequence[int],
-        lights_ns: Sequence[int],
+        foreseen_ns: Sequence[int],
         poses: npt.NDArray[np.float32],
     ) -> tuple[GazeView, npt.NDArray[np.intp]] | None:
         """Return what coming frames will make of samples, and in which frame each arrives.
 
-        `frames_ns`, `lights_ns` and `poses` are those of `FramesAhead`. None where this is not
+        `frames_ns`, `foreseen_ns` and `poses` are those of `FramesAhead`. None where this is not
         known; nothing is recorded.
         """
         n = batch.seq.shape[0]
@@ -397,7 +401,7 @@ class GazeObserver:
         if n > self._spare.hit.shape[0]:
             return None
         heads = self.heads.copy()
-        extents = heads.add_together(frames_ns, lights_ns, poses)
+        extents = heads.add_together(frames_ns, foreseen_ns, poses)
         there_ns = np.maximum.accumulate(batch.t_host_ns)
         frame_of = np.searchsorted(np.array(frames_ns), there_ns, side="left")
         frames = np.empty((len(frames_ns), 6), np.int64)
@@ -472,20 +476,40 @@ class GazeObserver:
             batches.append(self._inbox.popleft())
         return batches
 
-    def _gather(self) -> SampleBatch | None:
-        batches = self.drain()
-        if not batches:
-            return None
-        if len(batches) == 1:
-            return batches[0]
-        return SampleBatch(
-            batches[0].schema,
-            np.concatenate([b.seq for b in batches]),
-            np.concatenate([b.t_device_ns for b in batches]),
-            np.concatenate([b.t_host_ns for b in batches]),
-            # joining structured arrays goes field by field and takes ten times as long
-            np.frombuffer(b"".join([b.values.tobytes() for b in batches]), GAZE.dtype),
-        )
+    def _gather(self, until_ns: int | None = None) -> SampleBatch | None:
+        """Return what has arrived as one batch; the next frame takes what came after a time, to
+        which a question to the tracker may have moved a virtual clock meanwhile.
+        """
+        batch = _joined(self.drain())
+        if batch is None or until_ns is None or batch.t_host_ns[-1] <= until_ns:
+            return batch
+        n = int(np.searchsorted(np.maximum.accumulate(batch.t_host_ns), until_ns, side="right"))
+        self._inbox.append(_part(batch, n, len(batch)))
+        return _part(batch, 0, n) if n else None
+
+
+def _part(batch: SampleBatch, first: int, end: int) -> SampleBatch:
+    return SampleBatch(
+        batch.schema,
+        batch.seq[first:end],
+        batch.t_device_ns[first:end],
+        batch.t_host_ns[first:end],
+        batch.values[first:end],
+    )
+
+
+def _joined(batches: Sequence[SampleBatch]) -> SampleBatch | None:
+    """Return batches of gaze as one; None of none."""
+    if len(batches) < 2:
+        return batches[0] if batches else None
+    return SampleBatch(
+        batches[0].schema,
+        np.concatenate([b.seq for b in batches]),
+        np.concatenate([b.t_device_ns for b in batches]),
+        np.concatenate([b.t_host_ns for b in batches]),
+        # joining structured arrays goes field by field and takes ten times as long
+        np.frombuffer(b"".join([b.values.tobytes() for b in batches]), GAZE.dtype),
+    )
 
 
 def _no_gaze(agent_count: int) -> GazeView:

@@ -1,12 +1,22 @@
-"""Eyes that are seen too seldom are found in what came with the last polls alone."""
+"""Eyes that are seen too seldom are found in the last samples alone."""
 
 from visavis.devices.drivers.streaming.gaze_findings import SeenEyes
 
 
-def test_samples_are_counted_over_as_many_polls_as_were_asked_for_and_no_more() -> None:
-    seen = SeenEyes(polls=3)
+def test_samples_are_counted_as_far_back_as_was_asked_for_and_no_farther() -> None:
+    seen = SeenEyes(9)
     counts = []
     for samples, left, right in ((5, 5, 0), (7, 1, 7), (2, 2, 1), (4, 0, 0)):
         seen.add(samples, left, right)
         counts.append((seen.samples, seen.left, seen.right))
-    assert [(5, 5, 0), (12, 6, 7), (14, 8, 8), (13, 3, 8)] == counts
+    assert [(5, 5, 0), (12, 6, 7), (9, 3, 8), (13, 3, 8)] == counts
+
+
+def test_what_comes_at_once_counts_as_what_comes_one_by_one() -> None:
+    one_by_one, at_once = SeenEyes(20), SeenEyes(20)
+    for _ in range(20):
+        one_by_one.add(1, 1, 0)
+    at_once.add(60, 60, 60)
+    at_once.add(20, 20, 0)
+    assert (20, 20, 0) == (one_by_one.samples, one_by_one.left, one_by_one.right)
+    assert (20, 20, 0) == (at_once.samples, at_once.left, at_once.right)

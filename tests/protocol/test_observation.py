@@ -187,3 +187,34 @@ def shifted(t_ns: list[int], yaw_deg: float, *, clock_ns: int) -> SampleBatch:
     """Return a batch of a tracker whose clock shows `clock_ns` more than the session's."""
     batch = gaze_batch(t_ns, yaw_deg)
     return replace(batch, t_device_ns=batch.t_device_ns + clock_ns)
+
+
+def test_a_sample_that_comes_after_the_last_frame_waits_for_the_next() -> None:
+    seen, recorded, rows = observer(SCENE)
+    seen.heads.add_measured(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.wait(1, 100, lambda: None)
+    seen.wait(2, 200, lambda: None)
+    seen.take(gaze_batch([50, 150, 201], 0.0))
+
+    assert [1, 1] == list(seen.observe_waiting())
+    seen.wait(3, 300, lambda: None)
+    assert [1] == list(seen.observe_waiting())
+    rows.flush()
+    columns = np.concatenate([batch.values["frame_index"] for batch in recorded])
+    assert [1, 2, 3] == columns.tolist()
+
+
+@pytest.mark.parametrize("at_once", [1, 64])
+def test_the_least_delay_is_that_of_the_last_seconds_however_many_come_at_once(
+    at_once: int,
+) -> None:
+    seen, _, _ = observer(SCENE)
+    device_ns = np.arange(500) * 10_000_000
+    host_ns = device_ns + 3_000_000
+    host_ns[[20, 300]] = device_ns[[20, 300]] + np.array([1_000_000, 2_000_000])
+    for first in range(0, 500, at_once):
+        part = slice(first, first + at_once)
+        n = len(host_ns[part])
+        values = empty_values(GAZE, n)
+        seen.take(SampleBatch(GAZE, np.arange(n), device_ns[part], host_ns[part], values))
+    assert 2_000_000 == seen.least_delay_ns

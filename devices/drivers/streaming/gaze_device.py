@@ -24,7 +24,8 @@ from visavis.lab.errors import DeviceError, DeviceTimeout
 from visavis.lab.geometry import Vector
 
 COMMAND_TIMEOUT_S = 2.0
-RECENT_BATCHES = 90
+RECENT_S = 1.5
+"""How far back eyes that are hardly seen are looked for."""
 
 
 class SampleNumbers:
@@ -242,7 +243,7 @@ class GazeDevice(StreamDevice[Sample]):
     def _reset(self, now_ns: int) -> None:
         super()._reset(now_ns)
         self._jumps_ms = []
-        self._recent = SeenEyes(RECENT_BATCHES)
+        self._recent = SeenEyes(round(RECENT_S * self._schema.nominal_rate_hz))
         self._numbers = SampleNumbers(round(10 * self._schema.nominal_rate_hz))
         self._asked_ns = None
         self._next_exchange_ns = now_ns

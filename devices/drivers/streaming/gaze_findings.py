@@ -12,20 +12,23 @@ MIN_SAMPLES = 20
 
 
 class SeenEyes:
-    """Count the samples of the last polls in which each eye was valid."""
+    """Count the last samples, at least `most` once there are as many, in which each eye was valid.
 
-    def __init__(self, polls: int) -> None:
-        self._polls = polls
+    It does not matter much how many came at once.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
         self._counts: deque[tuple[int, int, int]] = deque()
         self.samples = self.left = self.right = 0
 
     def add(self, samples: int, left: int, right: int) -> None:
-        """Take one poll's counts and forget the oldest beyond the limit."""
+        """Take the counts of what came at once, and forget the oldest beyond the limit."""
         self._counts.append((samples, left, right))
         self.samples += samples
         self.left += left
         self.right += right
-        if len(self._counts) > self._polls:
+        while self.samples - self._counts[0][0] >= self._most:
             samples, left, right = self._counts.popleft()
             self.samples -= samples
             self.left -= left
