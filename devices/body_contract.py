@@ -95,11 +95,22 @@ def has_plans_of(kind: type) -> bool:
     """Tell whether a class itself says what its head and eyes will do, and not only a base class
     whose head or eyes, or whose ways to see and hear, it replaced.
     """
-    first = {
-        name: next((i for i, c in enumerate(kind.__mro__) if name in vars(c)), len(kind.__mro__))
-        for name in ("heads_ahead", "head", "eyes", "sense", "see", "look_at", "prepare")
-    }
-    return min(first.values()) == first["heads_ahead"]
+    others = ("head", "eyes", "sense", "see", "look_at", "prepare")
+    return _says_itself(kind, "heads_ahead", others)
+
+
+def foresees_presses(kind: type) -> bool:
+    """Tell whether a class itself predicts its presses, and not only a base class."""
+    return _says_itself(kind, "next_press_ns", ("presses",))
+
+
+def _says_itself(kind: type, name: str, others: Sequence[str]) -> bool:
+    """Tell whether no class before the one that defines a method defines one of the others."""
+    place, *places = (
+        next((i for i, c in enumerate(kind.__mro__) if one in vars(c)), len(kind.__mro__))
+        for one in (name, *others)
+    )
+    return place <= min(places)
 
 
 @runtime_checkable

@@ -23,7 +23,7 @@ from visavis.devices.contracts import (
     VibrationPattern,
 )
 from visavis.devices.pump import Pump
-from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.clock import NEVER_NS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceError
 from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, StreamSchema
@@ -31,7 +31,6 @@ from visavis.protocol.plan.experiment import Demands
 from visavis.protocol.plan.steps import Play, PlaySound, Vibrate
 
 OPEN_DEADLINE_S = 10.0
-NEVER_NS = 2**62
 
 
 def unmet(

@@ -23,7 +23,7 @@ from visavis.devices.drivers.buttons.spec import KEYS
 from visavis.devices.drivers.buttons.xid import XidReader
 from visavis.devices.registry import OPTION_MODELS, driver_wiring
 from visavis.devices.sim.buttons.boxes import DESCRIPTOR
-from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
+from visavis.lab.clock import NEVER_NS, NS_PER_S, SimClock, SystemClock
 from visavis.lab.config import DeviceConfig
 from visavis.lab.errors import ConfigError, DeviceDisconnected
 
@@ -122,6 +122,37 @@ def test_noise_on_the_wire_is_counted_and_raises_nothing(noise):
     keyboard = window_keyboard(SimClock())
     tuple(keyboard._read(noise))
     assert keyboard.unreadable_count >= 0
+
+
+class ForeseeingHand(FixatingBody):
+    def next_press_ns(self):
+        return self._presses[0][0] if self._presses else None
+
+
+def test_simulated_keys_need_not_be_asked_before_the_next_press_or_its_arrival():
+    clock, due_ms = SimClock(), []
+    hand = ForeseeingHand(presses=[(100 * MS, "trigger", 1.0), (180 * MS, "trigger", 0.0)])
+    config = DeviceConfig(role="responses", driver="keyboard", simulated=True, options={})
+    with contextlib.ExitStack() as stack:
+        device = build_device(config, clock, hand, 1, stack)
+        batches = []
+        device.open(1.0)
+        device.start(batches.append)
+        while (due_ns := device.due_ns()) < NEVER_NS:
+            due_ms.append(due_ns // MS)
+            clock.sleep_until_ns(due_ns)
+            device.poll(0.0)
+    assert [100, 101, 180, 181] == due_ms
+    assert [101, 181] == [int(t) // MS for batch in batches for t in batch.t_host_ns]
+
+
+def test_keys_of_a_hand_that_does_not_foresee_are_asked_each_time():
+    clock = SimClock()
+    with contextlib.ExitStack() as stack:
+        device = simulated("keyboard", clock, [(100 * MS, "trigger", 1.0)], stack)
+        device.open(1.0)
+        device.start(lambda batch: None)
+        assert clock.now_ns() == device.due_ns()
 
 
 def test_simulated_presses_arrive_through_the_keyboards_own_wire():

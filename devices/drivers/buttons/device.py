@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from visavis.devices.byte_links import ByteLink, Chunk
+from visavis.devices.byte_links import ByteLink, Chunk, MemoryLink
 from visavis.devices.contracts import (
     NO_DEVICE_TIME,
     RESPONSES,
@@ -121,6 +121,12 @@ class ButtonDevice(HasLife):
                 what, role=self.info.role, remedy=self._spec.remedy
             ) from disconnection
         return self._deliver(chunks)
+
+    def due_ns(self) -> int:
+        """Return until when nothing can arrive; see `visavis.devices.pump.Foreseeing`."""
+        if self._life.state is not DeviceState.STREAMING or not isinstance(self._link, MemoryLink):
+            return 0
+        return self._link.quiet_until_ns(self._clock.now_ns())
 
     def close(self) -> None:
         """Release the link; idempotent."""

@@ -10,6 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from visavis.devices.body_contract import foresees_presses
 from visavis.devices.contracts import (
     RESPONSES,
     Body,
@@ -24,13 +25,12 @@ from visavis.devices.lifecycle import Lifecycle, OnSessionClock
 from visavis.devices.meter import StreamMeter
 from visavis.devices.sim.body.spec import SIMULATED_RESPONSES, SimulatedResponsesOptions
 from visavis.devices.sim.wire_noise import WireNoise
-from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.clock import NEVER_NS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, ProtocolViolation
 from visavis.lab.schema import SampleBatch, StreamSchema
 
 AWAY = "the simulated response device is away"
 REMEDY = "look at its batteries and its connection"
-NEVER_NS = 2**62
 Press: TypeAlias = tuple[int, str, float]
 """Session time, control, value from 0 to 1."""
 
@@ -59,7 +59,9 @@ class SimulatedResponses(OnSessionClock):
         self._origin_ns = clock.now_ns()
         self._noise = WireNoise(seed, body)
         self._held_presses: list[Press] = []
-        self._hand = body if isinstance(body, ForeseeableHand) and _foresees(type(body)) else None
+        self._hand = (
+            body if isinstance(body, ForeseeableHand) and foresees_presses(type(body)) else None
+        )
         self.info = SIMULATED_RESPONSES.info(role, None)
 
     def open(self, deadline_s: float) -> None:
@@ -160,12 +162,3 @@ class SimulatedResponses(OnSessionClock):
                 remedy="name this control in the configuration",
             )
         return self.controls.index(control)
-
-
-def _foresees(kind: type) -> bool:
-    """Tell whether a class itself predicts its presses, and not only a base class."""
-    first = {
-        name: next((i for i, c in enumerate(kind.__mro__) if name in vars(c)), len(kind.__mro__))
-        for name in ("presses", "next_press_ns")
-    }
-    return first["next_press_ns"] <= first["presses"]

@@ -10,10 +10,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from visavis.devices.body_contract import foresees_presses
 from visavis.devices.byte_links import Chunk
-from visavis.devices.contracts import Hand
+from visavis.devices.contracts import ForeseeableHand, Hand
 from visavis.devices.faults import FaultSchedule
-from visavis.lab.clock import NS_PER_MS, Clock
+from visavis.lab.clock import NEVER_NS, NS_PER_MS, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
 WIRE_NS = NS_PER_MS
@@ -38,6 +39,9 @@ class PressingPeer:
         seed: int = 0,
     ) -> None:
         self._body = body
+        self._hand: ForeseeableHand | None = None
+        if isinstance(body, ForeseeableHand) and foresees_presses(type(body)):
+            self._hand = body
         self._origin_ns = clock.now_ns()
         self._faults = faults if faults is not None else FaultSchedule()
         self._names = dict(names)
@@ -55,6 +59,14 @@ class PressingPeer:
         for _ in self._body.presses(t_ns):
             pass
         self._outbox.clear()
+
+    def quiet_until_ns(self, now_ns: int) -> int:
+        """Return until when nothing is pressed and nothing arrives; `now_ns` where unknown."""
+        if self._hand is None or self._faults.faults:
+            return now_ns
+        press_ns = self._hand.next_press_ns()
+        times_ns = [chunk.t_host_ns for chunk in self._outbox]
+        return min(times_ns if press_ns is None else [press_ns, *times_ns], default=NEVER_NS)
 
     def accept(self, data: bytes, t_ns: int) -> None:
         """Take bytes; most devices with buttons listen to nobody."""

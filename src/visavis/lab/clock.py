@@ -10,6 +10,8 @@ from visavis.lab.errors import ConfigError
 
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
+NEVER_NS = 2**62
+"""A time that does not come."""
 SIMULATED_EPOCH_ISO = "2000-01-01T00:00:00+00:00"
 
 
