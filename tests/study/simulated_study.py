@@ -50,7 +50,7 @@ def _killed_once(study: OpenedStudy, *words: Any, **keywords: Any) -> Request:
 
 
 @contextmanager
-def _quick_targets(request_of: Callable[..., Request] = simulated_request) -> Iterator[None]:
+def quick_targets(request_of: Callable[..., Request] = simulated_request) -> Iterator[None]:
     """Let targets of calibrations stand for less time in sessions that `visavis simulate` begins:
     they take longer than the trials of a small study. `request_of` makes the requests.
     """
@@ -81,10 +81,10 @@ def killed_and_analysed(
     assert shows in invoked("plan", study)
     words = ["simulate", study, "--participants", str(participants)]
     words += ["--output", "out", "--processes=1"]
-    with _quick_targets(_killed_once):
+    with quick_targets(_killed_once):
         stopped = CliRunner().invoke(app, words)
     assert stopped.exception is not None
-    with _quick_targets():
+    with quick_targets():
         assert "1 were interrupted; their rest is simulated" in invoked(*words)
     found = folder / "out" / "simulated" / name
     assert 2 == len(read_manifest(found / "sub-S02C" / "ses-001").parts)

@@ -24,6 +24,7 @@ from visavis.study.film_pictures import FilmPictures
 from visavis.study.films import Film
 from visavis.study.frames import dark_view, gaze_has_arrived, show_frame
 from visavis.study.gaze_on import GazeOn, GazeWatch
+from visavis.study.lit_frames import LitFrames
 from visavis.study.responses import Keys
 from visavis.study.scenes import PAIR, PassingScene, Scene, StagedFlat, StagedScene, Staging, stage
 from visavis.study.showing import Showing, sound_columns
@@ -186,28 +187,20 @@ class LitTrial:
         in which they would be.
         """
         name, staged_scene, view = yield from self._light(showing)
-        lit_ns, frames = view.t_ns, 1
+        lit_ns, lit = view.t_ns, self._lit_frames(1)
         until = self._condition(ends, staged_scene, lit_ns)
-
-        def pass_frame(view: FrameView) -> SceneFrame | None:
-            nonlocal frames
-            frames += 1
-            self._film_pictures.note(view.t_ns)
-            return self._scene_update(view)
-
         while not (until is not None and until(view)):
             on_ns = self._onset_ns_of(showing, name, lit_ns, view)
-            if on_ns is not None and showing.is_over(frames, view, on_ns):
+            if on_ns is not None and showing.is_over(lit.frames, view, on_ns):
                 break
             quiet_until_ns = 0
             if until is None and on_ns is not None:
                 quiet_until_ns = showing.calm_until_ns(view, on_ns)
             yield from self._follow(view)
-            view = yield from self._frame(quiet_until_ns, pass_frame)
-            frames += 1
-            self._film_pictures.note(view.t_ns)
+            view = yield from self._frame(quiet_until_ns, lit)
+            lit.note(view.t_ns)
         off_ns = view.t_ns + view.surface.frame_ns
-        self._note_shown(name, staged_scene, lit_ns, off_ns, frames)
+        self._note_shown(name, staged_scene, lit_ns, off_ns, lit.frames)
         return ShownScene(lit_ns, off_ns, staged_scene.roles, view)
 
     def _note_shown(
@@ -233,38 +226,29 @@ class LitTrial:
     def _show_until_key(self, showing: Showing, keys: Keys) -> Performing:
         """Show something until a key is pressed; after its seconds wait for the key in the dark."""
         name, staged_scene, view = yield from self._light(showing)
-        controls, lit_ns, is_lit = tuple(keys.options), view.t_ns, True
+        controls, lit_ns = tuple(keys.options), view.t_ns
         on_ns, view, frames = yield from self._onset_of(showing, name, view)
+        lit = self._lit_frames(frames)
         until_ns = on_ns + round(keys.limit_s * NS_PER_S)
-
-        def pass_frame(view: FrameView) -> SceneFrame | None:
-            nonlocal frames
-            frames += is_lit
-            if is_lit:
-                self._film_pictures.note(view.t_ns)
-            return self._scene_update(view)
-
         answer = press_in(view, controls, on_ns, until_ns)
         while answer is None and view.t_ns < until_ns:
-            if is_lit and showing.is_over(frames, view, on_ns):
+            if lit.is_lit and showing.is_over(lit.frames, view, on_ns):
                 off_ns = view.t_ns + view.surface.frame_ns
-                self._note_shown(name, staged_scene, lit_ns, off_ns, frames)
-                is_lit = False
+                self._note_shown(name, staged_scene, lit_ns, off_ns, lit.frames)
+                lit.is_lit = False
                 self.put_out()
                 yield dark_view(view.t_ns)
                 view = yield from self._frame()
                 self.end_light(view.t_ns)
             else:
                 yield from self._follow(view)
-                calm_ns = min(showing.calm_until_ns(view, on_ns), until_ns) if is_lit else until_ns
-                view = yield from self._frame(calm_ns, pass_frame)
-                frames += is_lit
-                if is_lit:
-                    self._film_pictures.note(view.t_ns)
+                calm_ns = showing.calm_until_ns(view, on_ns) if lit.is_lit else until_ns
+                view = yield from self._frame(min(calm_ns, until_ns), lit)
+                lit.note(view.t_ns)
             answer = press_in(view, controls, on_ns, until_ns)
-        if is_lit:
+        if lit.is_lit:
             off_ns = view.t_ns + view.surface.frame_ns
-            self._note_shown(name, staged_scene, lit_ns, off_ns, frames)
+            self._note_shown(name, staged_scene, lit_ns, off_ns, lit.frames)
         if answer is None:
             answer = Answer(None, NOTHING_IN_TIME, on_ns, view.t_ns, view)
         return answer
@@ -339,6 +323,12 @@ class LitTrial:
         for turn in getattr(self._staged_scene, "new_turns", tuple)():
             about = {"trial_id": self.trial.trial_id, "name": self._shown_as}
             yield Mark(VIEW_TURNED, {**about, **turn})
+
+    def _lit_frames(self, frames: int) -> LitFrames:
+        """Return what counts the quiet frames of what is shown, of which so many have passed."""
+        scene = self._staged_scene
+        stays = isinstance(scene, StagedFlat) and scene.stays
+        return LitFrames(self._scene_update, self._film_pictures, frames, stays=stays)
 
     def _scene_update(self, view: FrameView) -> SceneFrame | None:
         """Return the current scene's next frame; None without a change."""

@@ -479,6 +479,11 @@ class StagedFlat:
         """The films among them, the one all around first."""
         return tuple(facts_of(film, self.scene.folder) for film in self.scene.films)
 
+    @property
+    def stays(self) -> bool:
+        """Whether neither gaze nor keys change what a frame shows."""
+        return self.scene.gaze_window is None and self.scene.panorama is None
+
     def open_films(self, view: FrameView) -> None:
         """Decode the first pictures of films, as large as they will stand there."""
         decode = named_function(OPEN_FILMS, "decodes films")
