@@ -327,15 +327,23 @@ class PoseAtOnce(Protocol):
         ...
 
 
+MAX_FRAMES_HELD = 64
+"""Frames whose poses and timing a simulated display may put off."""
+
+MIN_FRAMES_TOGETHER = 3
+"""With fewer it is faster to wait for each."""
+
+
 class FramesAhead(NamedTuple):
     """Coming frames of a display whose head follows plans: for n frames `t_ns` when they begin,
     `light_ns` when their light leaves, and `poses` (n, 2, 7), float32, of the head as measured and
-    as foreseen for the light: position, then orientation. `heads` are the body's own positions
+    as foreseen for `foreseen_ns`: position, then orientation. `heads` are the body's own positions
     (n, 3) and orientations (n, 4). All hold while `plan_number` is the body's.
     """
 
     t_ns: list[int]
     light_ns: list[int]
+    foreseen_ns: list[int]
     poses: npt.NDArray[np.float32]
     heads: tuple[Vector, Vector]
     plan_number: int
@@ -346,6 +354,7 @@ class FramesAhead(NamedTuple):
         return FramesAhead(
             self.t_ns[first:end],
             self.light_ns[first:end],
+            self.foreseen_ns[first:end],
             self.poses[first:end],
             (heads_m[first:end], heads_wxyz[first:end]),
             self.plan_number,
@@ -398,6 +407,11 @@ class LatePose(Protocol):
 @runtime_checkable
 class OnScreen(Protocol):
     """A display through which the world is seen as through a window."""
+
+    @property
+    def is_tracked(self) -> bool:
+        """Whether the head is where the eye tracker found the eyes, or else at the place."""
+        ...
 
     @property
     def screen(self) -> FlatScreen:

@@ -3,6 +3,7 @@
 import math
 import struct
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -41,6 +42,13 @@ class FrameStreams:
         self._hold(self.head, self._head_seq, t_device_ns, t_host_ns, row)
         self._head_seq += 1
 
+    def add_heads(self, rows: bytes, t_ns: npt.NDArray[np.int64]) -> None:
+        """Hold n rows of `HEAD` of frames that have passed, each of a head at its own time."""
+        seq = np.arange(self._head_seq, self._head_seq + len(t_ns))
+        self._head_seq += len(t_ns)
+        values = np.frombuffer(rows, self.head.dtype)
+        self.pending.append(SampleBatch(self.head, seq, t_ns, t_ns, values))
+
     def add_measured(self, row: bytes, t_device_ns: int, t_host_ns: int) -> None:
         """Hold a row of `HEAD_MEASURED`, packed by `HEAD_ROW`."""
         self._hold(self.measured, self._measured_seq, t_device_ns, t_host_ns, row)
@@ -48,20 +56,32 @@ class FrameStreams:
 
     def timing_of(self, frame: FrameInfo, submitted_ns: int) -> npt.NDArray[np.void]:
         """Return the timing row (1,) of a frame drawn for the head added last."""
-        values = np.zeros(1, self.timing.dtype)
-        row = values[0]
-        row["frame"] = frame.index
-        row["pose_seq"] = self._head_seq - 1
-        row["predicted_display_ns"] = frame.predicted_display_ns
-        row["t_submitted_ns"] = submitted_ns
-        row["skipped"] = frame.dropped
-        row["render_gpu_ms"] = math.nan
+        return self.timings_of([frame], submitted_ns)
+
+    def timings_of(self, frames: Sequence[FrameInfo], submitted_ns: int) -> npt.NDArray[np.void]:
+        """Return the timing rows (n,) of frames drawn one after another, of which nothing but the
+        first was submitted, for the head added last and those that come.
+        """
+        values = np.zeros(len(frames), self.timing.dtype)
+        values["frame"] = [frame.index for frame in frames]
+        values["pose_seq"] = np.arange(len(frames)) + (self._head_seq - 1)
+        values["predicted_display_ns"] = [frame.predicted_display_ns for frame in frames]
+        values["t_submitted_ns"] = -1
+        values["t_submitted_ns"][0] = submitted_ns
+        values["skipped"] = [frame.dropped for frame in frames]
+        values["render_gpu_ms"] = math.nan
         return values
 
     def add_timing(self, values: npt.NDArray[np.void], t_device_ns: int, t_host_ns: int) -> None:
         """Hold a row (1,) of `FRAME_TIMING`."""
         self._hold(self.timing, self._timing_seq, t_device_ns, t_host_ns, values.tobytes())
         self._timing_seq += 1
+
+    def add_timings(self, values: npt.NDArray[np.void], t_ns: npt.NDArray[np.int64]) -> None:
+        """Hold n rows of `FRAME_TIMING` of frames that were shown at these times."""
+        seq = np.arange(self._timing_seq, self._timing_seq + len(t_ns))
+        self._timing_seq += len(t_ns)
+        self.pending.append(SampleBatch(self.timing, seq, t_ns, t_ns, values))
 
     def deliver(self, sink: Sink | None) -> int:
         """Pass the pending rows to the sink, if there is one; return the number of rows."""
@@ -71,9 +91,9 @@ class FrameStreams:
             if batch.schema is self.head:
                 self._meter.update(batch.t_device_ns.tolist(), int(batch.t_host_ns[-1]))
             else:
-                self._other_rows += 1
+                self._other_rows += len(batch)
             sink(batch)
-            row_count += 1
+            row_count += len(batch)
         return row_count
 
     def health(self, state: DeviceState, now_ns: int) -> Health:

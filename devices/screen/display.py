@@ -11,10 +11,15 @@ from typing import Any, Protocol
 import numpy as np
 
 from visavis.devices.contracts import (
+    MAX_FRAMES_HELD,
+    MIN_FRAMES_TOGETHER,
+    Body,
     DeviceInfo,
     DeviceState,
     Fault,
+    FramesAhead,
     Health,
+    PlanningBody,
     Sink,
 )
 from visavis.devices.frame_streams import HEAD_ROW, FrameStreams
@@ -76,6 +81,7 @@ class ScreenDisplay(OnSessionClock):
         self.place = place
         self.is_tracked = is_tracked
         self.display_rate_hz = float(rate_hz)
+        self._rate_milli_hz = round(self.display_rate_hz * 1000)
         self._period_ns = round(NS_PER_S / rate_hz)
         self._clock = clock
         self._surface: Surface | None = None
@@ -94,15 +100,24 @@ class ScreenDisplay(OnSessionClock):
             is_simulated=clock.is_virtual,
             capabilities=frozenset({"tracked head" if is_tracked else "fixed head"}),
         )
+        self._body: PlanningBody | None = None
+        self._rest = np.concatenate([place.position_m, place.orientation_wxyz]).astype(np.float32)
+        self._rest_pose = Pose(self._rest[:3].astype(np.float64), self._rest[3:].astype(np.float64))
         self._eyes: tuple[int, Vector] | None = None
         self._sink: Sink | None = None
         self._frame: FrameInfo | None = None
         self._image: object | None = None
+        self._submitted_ns = -1
+        self._frames_held = 0
         self._begin()
 
     def attach(self, surface: Surface) -> None:
         """Show pictures on this from now on, and keep its pace."""
         self._surface = surface
+
+    def seat(self, body: Body) -> None:
+        """Let a simulated body rest before it: if it has plans, coming frames can be told."""
+        self._body = body if isinstance(body, PlanningBody) else None
 
     def describe(self) -> tuple[StreamSchema, ...]:
         """Return the head stream and the frame timing, at the display's rate."""
@@ -118,6 +133,7 @@ class ScreenDisplay(OnSessionClock):
     def poll(self, timeout_s: float) -> int:
         """Hand over poses and timing of the frames waited for since the last call."""
         self._life.require("poll", DeviceState.STREAMING)
+        self._frames_held = 0
         return self._streams.deliver(self._sink)
 
     def wait_frame(self) -> FrameInfo:
@@ -142,6 +158,79 @@ class ScreenDisplay(OnSessionClock):
             self._tell_timing(before, t_ns, late_by=dropped_count)
         self._frame = FrameInfo(number, t_ns, t_ns + self._period_ns, dropped_count)
         self._tell_head(t_ns)
+        if self._body is not None:
+            self._body.head(t_ns)  # what it decides up to now, it decides before it sees more
+        self._frames_held += 1
+        return self._frame
+
+    def head_foreseen(self) -> Pose | None:
+        """Return the head that rests, as in its sample; None where it is tracked."""
+        return None if self.is_tracked else self._rest_pose
+
+    def head_measured(self) -> Pose | None:
+        """Return the head that rests, as in its sample; None where it is tracked."""
+        return self.head_foreseen()
+
+    def put_off(self) -> bool:
+        """Tell whether poses and timing may be delivered later; see
+        `visavis.devices.pump.Postponing`.
+        """
+        return self._is_unseen and self._frames_held < MAX_FRAMES_HELD
+
+    def put_off_until_ns(self) -> int:
+        """Return when the frame begins with which no more may be put off; 0 before the first."""
+        if not self._is_unseen or self._frame is None:
+            return 0
+        frames = MAX_FRAMES_HELD - self._frames_held
+        return self._frame_ns(self._frame_number(self._frame.t_ns) + frames)
+
+    def frames_ahead(self, until_ns: int, most: int) -> FramesAhead | None:
+        """Return the coming frames before a time; see `visavis.devices.contracts.FramesAtOnce`.
+
+        None where the body has no plans, and where frames are paced by a window.
+        """
+        body, frame = self._body, self._frame
+        if body is None or frame is None or not self._is_unseen:
+            return None
+        first = self._frame_number(frame.t_ns) + 1
+        if self._clock.now_ns() > self._frame_ns(first):
+            return None
+        end = first + min(most, MAX_FRAMES_HELD - self._frames_held)
+        while end > first and self._frame_ns(end - 1) >= until_ns:
+            end -= 1
+        if end - first < MIN_FRAMES_TOGETHER:
+            return None
+        t_ns = [self._frame_ns(number) for number in range(first, end)]
+        poses = np.tile(self._rest, (len(t_ns), 2, 1))
+        light_ns = [t + self._period_ns for t in t_ns]
+        heads = body.heads_ahead(np.array(t_ns))
+        return FramesAhead(t_ns, light_ns, t_ns, poses, heads, body.plan_number)
+
+    def holds(self, ahead: FramesAhead) -> bool:
+        """Tell whether the body's plans are still those by which frames were told."""
+        return self._body is not None and self._body.plan_number == ahead.plan_number
+
+    def pass_frames(self, ahead: FramesAhead, n: int) -> FrameInfo:
+        """Do what `wait_frame` does for each of the first n frames; return the last."""
+        frame, body = self._frame, self._body
+        if frame is None or body is None:
+            raise RuntimeError("frames can be passed only after the first, of a body with plans")
+        first = frame.index + 1
+        frames = [
+            frame,
+            *(FrameInfo(first + i, ahead.t_ns[i], ahead.light_ns[i]) for i in range(n)),
+        ]
+        t_ns = np.array(ahead.t_ns[:n])
+        timing = self._streams.timings_of(frames[:-1], self._submitted_ns)
+        timing["presents"] = 1
+        self._streams.add_timings(timing, t_ns)
+        self._submitted_ns = -1
+        row = HEAD_ROW.pack(*self._rest.tolist(), True)
+        self._streams.add_heads(row * n, t_ns)
+        self._frames_held += n
+        self._frame = frames[-1]
+        self._clock.sleep_until_ns(ahead.t_ns[n - 1])
+        body.head(ahead.t_ns[n - 1])
         return self._frame
 
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
@@ -183,7 +272,20 @@ class ScreenDisplay(OnSessionClock):
     def _begin(self) -> None:
         self._sink = self._frame = self._image = None
         self._submitted_ns = -1
+        self._frames_held = 0
         self._streams.begin()
+
+    @property
+    def _is_unseen(self) -> bool:
+        """Whether frames follow a virtual clock and nobody else, with a head that rests."""
+        return self._clock.is_virtual and self._surface is None and not self.is_tracked
+
+    def _frame_number(self, t_ns: int) -> int:
+        """Return the number, on the grid `k / rate`, of the frame that begins at a time or next."""
+        return -(-t_ns * self._rate_milli_hz // (NS_PER_S * 1000))
+
+    def _frame_ns(self, number: int) -> int:
+        return number * NS_PER_S * 1000 // self._rate_milli_hz
 
     def _due_ns(self, now_ns: int) -> int:
         """Return the refresh that is next, one period after the last that was kept."""
@@ -194,13 +296,12 @@ class ScreenDisplay(OnSessionClock):
 
     def _by_clock(self) -> int:
         """Wait for the next frame of the grid `k / rate`, which does not drift."""
-        now_ns, rate_mhz = self._clock.now_ns(), round(self.display_rate_hz * 1000)
-        scale = NS_PER_S * 1000
+        now_ns = self._clock.now_ns()
         last_ns = now_ns if self._frame is None else max(now_ns, self._frame.t_ns + 1)
-        index = -(-last_ns * rate_mhz // scale)
-        t_ns = index * scale // rate_mhz
+        number = self._frame_number(last_ns)
+        t_ns = self._frame_ns(number)
         if t_ns < last_ns:
-            t_ns = (index + 1) * scale // rate_mhz
+            t_ns = self._frame_ns(number + 1)
         if self._surface is not None and not self._surface.closed:
             self._surface.attend(t_ns)
         else:

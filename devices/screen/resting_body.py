@@ -6,11 +6,21 @@ and people turn the head to look far aside.
 """
 
 from collections.abc import Iterator, Sequence
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
-from visavis.devices.contracts import EYES_DTYPE, Body, HearingBody, MovingBody
+from visavis.devices.body_contract import foresees_presses, has_plans_of
+from visavis.devices.contracts import (
+    EYES_DTYPE,
+    Body,
+    ForeseeableHand,
+    HearingBody,
+    MovingBody,
+    PlanningBody,
+    RecallingBody,
+)
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate, unit
 
 EYE_X_M = 0.032
@@ -29,20 +39,10 @@ class BodyBeforeScreen:
     def eyes(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
         """Return true eye states (n,) in the head that rests."""
         own = self._body.eyes(t_ns)
-        eyes: npt.NDArray[np.void] = own.copy()
-        if not len(own):
-            return eyes
         poses = [self._body.head(int(t)) for t in t_ns]
-        place_m = np.array([position for position, _ in poses])
-        turn = np.array([orientation for _, orientation in poses])
-        point_m = _convergence_points(place_m, turn, own)
-        back = quat_conjugate(self._place.orientation_wxyz)
-        in_head = rotate(back, point_m - self._place.position_m)
-        # Both eyes at once: samples come one or two at a time, and each call costs more than its
-        # numbers.
-        directions = unit(in_head - EYES_M[:, None])
-        eyes["left_direction_head"], eyes["right_direction_head"] = directions
-        return eyes
+        place_m = np.array([position for position, _ in poses]).reshape(-1, 3)
+        turn = np.array([orientation for _, orientation in poses]).reshape(-1, 4)
+        return self._in_rest(own, place_m, turn)
 
     def head(self, t_ns: int) -> tuple[Vector, Vector]:
         """Return where the head rests."""
@@ -66,12 +66,64 @@ class BodyBeforeScreen:
         if isinstance(self._body, HearingBody):
             self._body.hear(samples, rate_hz, t_ns)
 
+    def _in_rest(
+        self, own: npt.NDArray[np.void], place_m: Vector, turn: Vector
+    ) -> npt.NDArray[np.void]:
+        """Return eye states (n,) in the head that rests for those in the body's own head, at places
+        (n, 3) and in orientations (n, 4).
+        """
+        eyes: npt.NDArray[np.void] = own.copy()
+        if len(own):
+            point_m = _convergence_points(place_m, turn, own)
+            back = quat_conjugate(self._place.orientation_wxyz)
+            in_head = rotate(back, point_m - self._place.position_m)
+            # Both eyes at once: each call costs more than the numbers of one sample or two.
+            directions = unit(in_head - EYES_M[:, None])
+            eyes["left_direction_head"], eyes["right_direction_head"] = directions
+        return eyes
+
+
+@runtime_checkable
+class _Planner(PlanningBody, RecallingBody, ForeseeableHand, Protocol):
+    """A body whose head, eyes and hands follow plans."""
+
+
+class PlanningBodyBeforeScreen(BodyBeforeScreen):
+    """Follow `PlanningBody`, `RecallingBody` and `ForeseeableHand`, too, with a body that does."""
+
+    def __init__(self, body: _Planner, place: Pose) -> None:
+        super().__init__(body, place)
+        self._plans = body
+
+    @property
+    def recalls_ns(self) -> int:
+        """The body's own."""
+        return self._plans.recalls_ns
+
+    @property
+    def plan_number(self) -> int:
+        """The body's own."""
+        return self._plans.plan_number
+
+    def heads_ahead(self, t_ns: npt.NDArray[np.int64]) -> tuple[Vector, Vector]:
+        """Return where the head rests, at each of the times (n,)."""
+        place, n = self._place, len(t_ns)
+        return np.tile(place.position_m, (n, 1)), np.tile(place.orientation_wxyz, (n, 1))
+
+    def eyes_ahead(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
+        """Return eye states (n,) at times of which the last are coming."""
+        return self._in_rest(self._plans.eyes_ahead(t_ns), *self._plans.heads_ahead(t_ns))
+
+    def next_press_ns(self) -> int | None:
+        """Return the time of the next press; None when none is planned."""
+        return self._plans.next_press_ns()
+
 
 class MovingBodyBeforeScreen(BodyBeforeScreen):
     """Follow `MovingBody`: the limbs stay the body's own."""
 
     def __init__(self, body: MovingBody, place: Pose) -> None:
-        super().__init__(body, place)
+        BodyBeforeScreen.__init__(self, body, place)
         self._limbs = body
 
     def segments(
@@ -83,6 +135,26 @@ class MovingBodyBeforeScreen(BodyBeforeScreen):
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
         """Take in what the motors of a band do."""
         self._limbs.feel(role, amplitudes_01, t_ns)
+
+
+class PlanningMovingBodyBeforeScreen(PlanningBodyBeforeScreen, MovingBodyBeforeScreen):
+    """Follow what both do."""
+
+    def __init__(self, body: _Planner, limbs: MovingBody, place: Pose) -> None:
+        PlanningBodyBeforeScreen.__init__(self, body, place)
+        self._limbs = limbs
+
+
+def before_screen(body: Body, place: Pose) -> BodyBeforeScreen:
+    """Return a body with its head at `place`, which follows the contracts that it follows."""
+    kind = type(body)
+    if isinstance(body, _Planner) and has_plans_of(kind) and foresees_presses(kind):
+        if isinstance(body, MovingBody):
+            return PlanningMovingBodyBeforeScreen(body, body, place)
+        return PlanningBodyBeforeScreen(body, place)
+    if isinstance(body, MovingBody):
+        return MovingBodyBeforeScreen(body, place)
+    return BodyBeforeScreen(body, place)
 
 
 def _convergence_points(place_m: Vector, turn: Vector, eyes: npt.NDArray[np.void]) -> Vector:

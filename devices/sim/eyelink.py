@@ -59,6 +59,11 @@ class EyeLinkSimulator(GazePeer):
         self._screen = screen or Screen()
         self.display_px = screen_px
 
+    @property
+    def is_busy(self) -> bool:
+        """Tell whether the host is in its camera setup."""
+        return self._setup_ns is not None
+
     def to_message(self, shot: Shot) -> Frames | None:
         """Return one link sample; none while the host calibrates."""
         if self._setup_ns is not None:

@@ -44,6 +44,11 @@ class FoveSimulator(GazePeer):
         self._started_ns: int | None = None
         self._open = self._closed = 0
 
+    @property
+    def is_busy(self) -> bool:
+        """Tell whether it calibrates."""
+        return self._started_ns is not None
+
     def to_message(self, shot: Shot) -> Frames:
         """Return one eye frame."""
         if self._started_ns is not None:

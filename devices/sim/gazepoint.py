@@ -65,6 +65,11 @@ class GazepointSimulator(GazePeer):
         self._calibration_ns: int | None = None
         self._open: list[tuple[bool, bool]] = []
 
+    @property
+    def is_busy(self) -> bool:
+        """Tell whether it calibrates."""
+        return self._calibration_ns is not None
+
     def advance(self, t_ns: int) -> None:
         """Take samples; a server that was gone starts with everything off."""
         if self.source.is_away(t_ns):
@@ -168,7 +173,8 @@ class GazepointSimulator(GazePeer):
             px, py = (x, y) if is_seen else (0.0, 0.0)
             fields.append(f'{eye}POGX="{px:.6f}" {eye}POGY="{py:.6f}" {eye}POGV="{int(is_seen)}"')
         seen_points = [p for p in points if p is not None]
-        bx, by = np.mean(seen_points, axis=0) if seen_points else (0.0, 0.0)
+        n = max(1, len(seen_points))
+        bx, by = sum(x for x, _ in seen_points) / n, sum(y for _, y in seen_points) / n
         fields.append(f'BPOGX="{bx:.6f}" BPOGY="{by:.6f}" BPOGV="{int(bool(seen_points))}"')
         cx, cy, cz = self._camera
         for eye, x_m, _, is_seen in eyes:

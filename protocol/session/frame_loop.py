@@ -171,8 +171,9 @@ class FrameLoop:
         self.head_valid = False
         self.head_seen = False
         self.gaze_tap: list[SampleBatch] | None = None
-        # A frame itself needs gaze only to place it on a screen or to show it in a mirror.
-        self._can_wait = clock.is_virtual and self.screen is None and not stage.schemas
+        # A frame itself needs gaze only to find the head before a screen or to show it in a mirror.
+        rests = self.screen is None or not self.screen.is_tracked
+        self._can_wait = clock.is_virtual and rests and not stage.schemas
         headset = rig.headset
         self._at_once: PoseAtOnce | None = None
         if self._can_wait and isinstance(headset, PoseAtOnce):
@@ -194,7 +195,7 @@ class FrameLoop:
         if role == "eye_tracker" and batch.schema.name == GAZE.name:
             if self.screen is not None:
                 self.screen.watch(batch)
-                batch = gaze_through_screen(batch, self.screen.screen, self.screen.place, self.head)
+                batch = self._through_screen(batch)
             self.observer.take(batch)
             self._stage.watch(role, batch)
             if self.gaze_tap is not None:
@@ -214,6 +215,12 @@ class FrameLoop:
         elif role == "body_tracker":
             self._stage.watch(role, batch)
             self._body_inbox.append(batch)
+
+    def _through_screen(self, batch: SampleBatch) -> SampleBatch:
+        """Return gaze into the scene that a screen shows; gaze itself where there is none."""
+        if self.screen is None:
+            return batch
+        return gaze_through_screen(batch, self.screen.screen, self.screen.place, self.head)
 
     @property
     def t_ns(self) -> int:
@@ -312,19 +319,25 @@ class FrameLoop:
         last_view = self._scenes.view
         if last_view is None or last_view.scene is not view.scene:
             return
+        if update is not None and not isinstance(update, UpdateAhead):
+            return
+        stop = None if update is None else update.stop
+        tracker: object = self._rig.eye_tracker
+        if stop is not None and not isinstance(tracker, GazeAhead):
+            return
         until_ns = min(until_ns, self._rig.display_waits_until_ns())
         until_ns = min(until_ns, self._rig.others_idle_until_ns())
         ahead = headset.frames_ahead(until_ns, MAX_WAITING - len(self._waiting))
         if ahead is None:
             return
         pictures: Pictures | None = None
-        if isinstance(update, UpdateAhead):
+        if update is not None:
             pictures = update.ahead(ahead.t_ns, ahead.poses[:, 1, :3].astype(np.float64))
-        if pictures is None and update is not None:
-            return
+            if pictures is None:
+                return
         n = len(ahead.t_ns)
-        if isinstance(update, UpdateAhead) and update.stop is not None:
-            n = self._frames_before_stop(ahead, update.stop)
+        if stop is not None and isinstance(tracker, GazeAhead):
+            n = self._frames_before_stop(tracker, ahead, stop)
         if n and watch.check_due_ns <= ahead.t_ns[n - 1] and not watch.is_calm():
             n = bisect_left(ahead.t_ns, watch.check_due_ns, 0, n)
         if n:
@@ -351,10 +364,10 @@ class FrameLoop:
         assert foreseen is not None  # noqa: S101 - frames ahead are those of a tracked head
         self.head, self.head_valid, self.head_seen = foreseen, True, True
         extents = self.observer.heads.add_together(
-            ahead.t_ns[:n], ahead.light_ns[:n], ahead.poses[:n]
+            ahead.t_ns[:n], ahead.foreseen_ns[:n], ahead.poses[:n]
         )
         gazes = self._record_together(last.index + 1 - n, ahead, states, extents)
-        if pictures is not None and isinstance(update, UpdateAhead):
+        if pictures is not None and update is not None:
             update.pass_frames(pictures, gazes)
         if len(self._waiting) == MAX_WAITING:
             self.catch_up()
@@ -378,17 +391,15 @@ class FrameLoop:
         return end
 
     def _frames_before_stop(
-        self, ahead: FramesAhead, stop: Callable[[GazeView], int | None]
+        self, tracker: GazeAhead, ahead: FramesAhead, stop: Callable[[GazeView], int | None]
     ) -> int:
         """Return how many coming frames bring no gaze for which a plan waits; 0: not known."""
         self.catch_up()
-        tracker: object = self._rig.eye_tracker
-        if not isinstance(tracker, GazeAhead):
-            return 0
         batch = tracker.gaze_ahead(ahead.t_ns[-1])
         if batch is None:
             return 0
-        gaze_and_frames = self.observer.ahead(batch, ahead.t_ns, ahead.light_ns, ahead.poses)
+        batch = self._through_screen(batch)
+        gaze_and_frames = self.observer.ahead(batch, ahead.t_ns, ahead.foreseen_ns, ahead.poses)
         if gaze_and_frames is None:
             return 0
         gaze, frame_of = gaze_and_frames
@@ -646,7 +657,9 @@ class FrameLoop:
                     heads.add_measured(t_ns, pose)
 
     def _take_poses(self, headset: PoseAtOnce, frame: FrameInfo) -> None:
-        self._take_foreseen(headset.head_foreseen(), frame.predicted_display_ns)
+        # before a screen the head that rests is told for the frame's beginning
+        foreseen_ns = frame.predicted_display_ns if self.screen is None else frame.t_ns
+        self._take_foreseen(headset.head_foreseen(), foreseen_ns)
         measured = headset.head_measured()
         if measured is not None:
             self.observer.heads.add_measured(frame.t_ns, measured)

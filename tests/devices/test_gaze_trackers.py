@@ -20,6 +20,7 @@ from visavis.devices.sim.lsl.gaze import LslGazeSimulator
 from visavis.devices.sim.neon import NeonSimulator
 from visavis.lab.errors import DeviceTimeout
 from visavis.lab.geometry import angle_deg
+from visavis.people.observer.observer import Observer
 
 TRACKERS = {
     "fove": (Fove, FoveSimulator),
@@ -203,3 +204,32 @@ def test_random_sessions_never_break_the_pump(tracker, seed):
 
     assert "failed" not in rig.kinds()
     assert rig.driver.state is DeviceState.STREAMING
+
+
+def test_gaze_left_for_later_is_that_of_every_frame(tracker):
+    def performed(*, may_wait):
+        rig = GazeRig(*tracker, seed=3, body=Observer(2, 5)).start().run(0.5)
+        before = len(rig.batches)
+        for _ in range(3):
+            rig.run(0.4, may_wait=may_wait)
+            rig.pump.step()
+        return rig, len(rig.batches) - before
+
+    (each, of_each), (seldom, of_seldom) = performed(may_wait=False), performed(may_wait=True)
+
+    assert of_seldom <= 3 < 60 < of_each
+    n = min(len(each.stamps("seq")), len(seldom.stamps("seq")))  # a question may take its time
+    for stamp in ("seq", "t_device_ns", "t_host_ns"):
+        np.testing.assert_array_equal(each.stamps(stamp)[:n], seldom.stamps(stamp)[:n])
+    rows = [np.concatenate([b.values for b in rig.batches])[:n] for rig in (each, seldom)]
+    assert rows[0].tobytes() == rows[1].tobytes()
+
+
+def test_gaze_that_a_fault_may_befall_is_not_left_for_later(tracker):
+    late = {"kind": "loss", "start_s": 100.0, "duration_s": 1.0, "amount": 0.5}
+    rig = GazeRig(*tracker, late, body=Observer(2, 5)).start()
+
+    rig.run(0.2, may_wait=True)
+
+    assert not rig.pump.is_put_off
+    assert len(rig.batches) > 5

@@ -7,11 +7,12 @@ from tests.devices.bodies import FixatingBody
 from visavis.devices import conformance
 from visavis.devices.contracts import FRAME_TIMING, GAZE, HEAD
 from visavis.devices.screen.display import ScreenDisplay
-from visavis.devices.screen.resting_body import BodyBeforeScreen
+from visavis.devices.screen.resting_body import BodyBeforeScreen, before_screen
 from visavis.lab.clock import NS_PER_S, SimClock
 from visavis.lab.geometry import Pose, rotate
 from visavis.lab.schema import SampleBatch
 from visavis.lab.screen import FlatScreen
+from visavis.people.observer.observer import Observer
 
 MS = 1_000_000
 SCREEN = FlatScreen(0.5, 0.3, 1000, 600, 0.6)
@@ -170,3 +171,49 @@ def test_a_body_in_the_chin_rest_looks_at_the_same_point_of_the_world(yaw_deg, p
         expected /= np.linalg.norm(expected)
         assert eyes[f"{name}_direction_head"] == pytest.approx(expected, abs=1e-6)
     assert BodyBeforeScreen(body, place).head(0)[0] == pytest.approx(place.position_m)
+
+
+def _rows(batches, name):
+    some = [batch for batch in batches if batch.schema.name == name]
+    stamps = [np.stack([b.seq, b.t_device_ns, b.t_host_ns], axis=1) for b in some]
+    return np.concatenate(stamps).tolist(), b"".join(batch.values.tobytes() for batch in some)
+
+
+def test_frames_that_pass_together_are_those_one_waits_for():
+    def performed(*, together):
+        clock = SimClock(1_234_567)
+        screen, batches = streaming(clock)
+        screen.seat(before_screen(Observer(2, 5), PLACE))
+        frames = [screen.wait_frame()]
+        if together:
+            ahead = screen.frames_ahead(frames[0].t_ns + 8 * 10 * MS + 1, 30)
+            assert 8 == len(ahead.t_ns)
+            assert screen.holds(ahead)
+            frames.append(screen.pass_frames(ahead, 8))
+        else:
+            frames += [screen.wait_frame() for _ in range(8)]
+        frames.append(screen.wait_frame())
+        screen.poll(0.0)
+        return frames[-2:], clock.now_ns(), batches
+
+    (each, each_ns, of_each), (last, last_ns, of_last) = (
+        performed(together=False),
+        performed(together=True),
+    )
+    assert each == last
+    assert each_ns == last_ns
+    for name in (HEAD.name, FRAME_TIMING.name):
+        assert _rows(of_each, name) == _rows(of_last, name)
+        assert 9 <= len(_rows(of_last, name)[0]) <= 10
+
+
+@pytest.mark.parametrize("why", ["tracked", "no plans", "few", "window"])
+def test_frames_are_not_told_ahead_where_they_may_come_otherwise(why):
+    clock = SimClock()
+    screen, _ = streaming(clock, is_tracked=why == "tracked")
+    body = FixatingBody() if why == "no plans" else Observer(2, 5)
+    screen.seat(before_screen(body, PLACE))
+    frame = screen.wait_frame()
+    if why == "window":
+        screen.attach(Refreshing(clock, 10 * MS))
+    assert screen.frames_ahead(frame.t_ns + 1000 * MS, 2 if why == "few" else 30) is None

@@ -103,7 +103,9 @@ def parse_line(raw: bytes) -> Line | None:
     match = _TAG.fullmatch(text)
     if match is None:
         return None
-    values = {key: unescape(value, _UNQUOTES) for key, value in _ATTRIBUTE.findall(match[2])}
+    values = dict(_ATTRIBUTE.findall(match[2]))
+    if "&" in text:
+        values = {key: unescape(value, _UNQUOTES) for key, value in values.items()}
     return Line(match[1], values)
 
 

@@ -20,6 +20,8 @@ from visavis.devices.contracts import (
     FRAME_TIMING,
     HEAD,
     HEAD_MEASURED,
+    MAX_FRAMES_HELD,
+    MIN_FRAMES_TOGETHER,
     Body,
     DeviceState,
     Fault,
@@ -40,12 +42,6 @@ from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, StreamSchema
 
 MILLI_HZ = 1000
-
-MAX_FRAMES_HELD = 64
-"""Frames whose poses and timing may be put off."""
-
-MIN_FRAMES_TOGETHER = 3
-"""With fewer it is faster to wait for each."""
 
 _LOST_ROWS = np.full((2, 7), np.nan, np.float32)
 _POSE_BYTES = 28
@@ -200,7 +196,7 @@ class SimulatedHeadset(OnSessionClock):
         times = np.array(t_ns)
         heads = body.heads_ahead(times)
         poses = self._foresight.ahead(times, np.array(light_ns), heads)
-        return FramesAhead(t_ns, light_ns, poses, heads, body.plan_number)
+        return FramesAhead(t_ns, light_ns, light_ns, poses, heads, body.plan_number)
 
     def holds(self, ahead: FramesAhead) -> bool:
         """Tell whether the body's plans are still those by which frames were told."""

@@ -12,7 +12,7 @@ from typing import NamedTuple, Required, TypedDict
 import numpy as np
 import numpy.typing as npt
 
-from visavis.devices.contracts import Body
+from visavis.devices.contracts import Body, RecallingBody
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.sim.gaze.tracker_error import (
     N_SLOW,
@@ -262,6 +262,8 @@ class GazePeer(ABC):
         )
         if self.is_calibrated_before:
             self.source.calibrated_fit = body.fit()
+        self._recalls_ns = body.recalls_ns if isinstance(body, RecallingBody) else 0
+        self._advanced_ns = self.source.origin_ns - 1
         self._legs = NetworkLegs(seed)
         self._outbox: deque[Message] = deque()
         self._needs_sorting = False
@@ -274,8 +276,36 @@ class GazePeer(ABC):
         """Answer a request that reaches the device; None when it stays silent."""
         return None
 
+    @property
+    def is_busy(self) -> bool:
+        """Tell whether samples must be taken as they are due, as while it calibrates."""
+        return False
+
+    def may_wait(self, t_ns: int) -> bool:
+        """Tell whether messages may be read later than they arrive, which faults forbid.
+
+        If the eyes can be asked for the past, many samples are then taken at once: as soon as half
+        of that time has passed, so that it seldom has to be asked for that alone.
+        """
+        if self.source.faults.faults or self.is_busy:
+            return False
+        if t_ns - self._advanced_ns > self._recalls_ns // 2:
+            self.advance(t_ns)
+        return True
+
+    def waits_until_ns(self) -> int:
+        """Return a session time before which `may_wait` has nothing to do and returns True."""
+        if self.source.faults.faults or self.is_busy:
+            return 0
+        return self._advanced_ns + self._recalls_ns + 1
+
+    def arriving(self, until_ns: int) -> Sequence[Message] | None:
+        """Return None: which messages are coming is not known."""
+        return None
+
     def advance(self, t_ns: int) -> None:
         """Take every sample due up to this session time."""
+        self._advanced_ns = max(self._advanced_ns, t_ns)
         for shot in self.source.take(t_ns):
             frames = self.to_message(shot)
             if frames is not None:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from visavis.devices.building import build_device, checked_device
-from visavis.devices.contracts import Body, Device, EyeTracker, Headset, MovingBody
+from visavis.devices.contracts import Body, Device, EyeTracker, Headset
 from visavis.devices.registry import driver_spec
 from visavis.devices.screen.display import ScreenDisplay
-from visavis.devices.screen.resting_body import BodyBeforeScreen, MovingBodyBeforeScreen
+from visavis.devices.screen.resting_body import before_screen
 from visavis.lab.clock import Clock
 from visavis.lab.config import DeviceConfig, LabConfig, is_own_role
 from visavis.lab.errors import ConfigError, UsageError
@@ -49,11 +49,8 @@ def build_rig(
     check_rig(config)
     display = screen_display(config, clock)
     if display is not None and body is not None:
-        body = (
-            MovingBodyBeforeScreen(body, display.place)
-            if isinstance(body, MovingBody)
-            else BodyBeforeScreen(body, display.place)
-        )
+        body = before_screen(body, display.place)
+        display.seat(body)
     devices: dict[str, Device] = {}
     for role, device in config.devices.items():
         devices[role] = build_device(device, clock, body, seed, stack)
