@@ -11,7 +11,8 @@ None of them is part of Visavis; each has its own licence. They are recognised b
   one expert, 1000 Hz;
 - `hmr`: people with a head-mounted tracker before a moving target, as tables
   `data_hmr/USER/eye_*.csv` beside GazeCom's in elmadjian/OEMC, 200 Hz. Places are of the pupil in
-  the camera's picture and not calibrated, so `HMR_DEG` is a guess and only comparisons count.
+  the camera's picture and not calibrated, so `HMR_DEG` is an estimate by how long saccades last
+  (`benchmarks.gaze_detectors.hmr_scale`), and only comparisons count.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -26,6 +27,7 @@ from scipy.io import loadmat
 
 from benchmarks.gaze_detectors.agreement import Runs, runs_of
 from visavis.analysis.gaze.movements.kinds import Movement
+from visavis.devices.drivers.pupil.codec import CONFIDENCE_THRESHOLD_01
 from visavis.lab.geometry import Vector, unit
 
 Labels = npt.NDArray[np.int8]
@@ -39,7 +41,8 @@ GAZECOM_LABELS = {
     "P": Movement.PURSUIT,
     "B": Movement.BLINK,
 }
-HMR_DEG, HMR_RATE_HZ = 150.0, 200.0
+HMR_DEG, HMR_RATE_HZ, HMR_CONFIDENCE_01 = 100.0, 200.0, CONFIDENCE_THRESHOLD_01
+"""Degrees of the picture's width; rows below this confidence are lost, as in sessions."""
 LOOKATPOINT_LABELS = (0, 1, 2, 3, 0, 5)
 
 
@@ -153,7 +156,9 @@ def _gazecom(root: Path) -> Iterator[Recording]:
     for path in sorted(root.rglob("data_gazecom/*/*.csv")):
         table = pd.read_csv(path, sep="\t")
         place = table[["X_coord", "Y_coord"]].to_numpy(float)
-        lost = (table["Confidence"].to_numpy(float) < 0.5) | ~np.isfinite(place).all(axis=1)
+        lost = (table["Confidence"].to_numpy(float) < HMR_CONFIDENCE_01) | ~np.isfinite(place).all(
+            axis=1
+        )
         centred = (place - 0.5) * np.array(GAZECOM_CM)
         code = table["Pattern"].map({k: int(v) for k, v in GAZECOM_LABELS.items()}).fillna(0)
         yield Recording(
@@ -182,7 +187,9 @@ def _hmr(root: Path) -> Iterator[Recording]:
     for path in sorted(root.rglob("data_hmr/*/*.csv")):
         table = pd.read_csv(path, sep="\t")
         place = table[["X_coord", "Y_coord"]].to_numpy(float)
-        lost = (table["Confidence"].to_numpy(float) < 0.5) | ~np.isfinite(place).all(axis=1)
+        lost = (table["Confidence"].to_numpy(float) < HMR_CONFIDENCE_01) | ~np.isfinite(place).all(
+            axis=1
+        )
         turned = np.radians((place - np.nanmedian(place[~lost], axis=0)) * HMR_DEG)
         code = table["Pattern"].map({k: int(v) for k, v in GAZECOM_LABELS.items()}).fillna(0)
         yield Recording(

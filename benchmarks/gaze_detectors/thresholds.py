@@ -23,6 +23,7 @@ from visavis.analysis.gaze.movements.parameters import AUTO, STILL, MovementPara
 CHANGES: Mapping[str, MovementParameters] = {
     "auto": AUTO,
     "saccades from 30°/s": MovementParameters(minimum_deg_s=30.0, max_minimum_deg_s=30.0),
+    "saccades from 60°/s": MovementParameters(minimum_deg_s=60.0, max_minimum_deg_s=60.0),
     "saccades from 20°/s": MovementParameters(minimum_deg_s=20.0, max_minimum_deg_s=20.0),
     "still pictures": STILL,
     "7 spreads of noise": MovementParameters(noise_multiple=7.0),
