@@ -17,7 +17,7 @@ import visavis.stimuli.motion.warping
 from visavis.lab.array_cache import digest_of, digest_of_code, read_cache, write_cache
 from visavis.lab.geometry import Vector
 from visavis.stimuli.dressing.casting import build_of
-from visavis.stimuli.dressing.office import PARTS, pose_of_waver
+from visavis.stimuli.dressing.office import PARTS, unwarped_pose_of_waver
 from visavis.stimuli.dressing.office_view import (
     STILL,
     character_of,
@@ -155,7 +155,7 @@ def situation_of(
 ) -> Situation:
     """Return the unwarped pose at a time of the scene as eyes (3,) see it, with its targets."""
     view = view_of(waving.clerk, eye_m, viewer_place, FINE_PX)
-    pose = pose_of_waver(replace(waving, warp=None), t_s)
+    pose = unwarped_pose_of_waver(waving, t_s)  # by the same object, for its motion is made once
     return Situation(
         seen_body_of(waving.clerk), view, targets_of(increment), units_named(UNITS), *pose
     )

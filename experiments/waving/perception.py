@@ -5,8 +5,7 @@ furniture and people, from the observer's eyes. Bearings are horizontal angles a
 positive to the observers' right.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Final
 
@@ -26,7 +25,7 @@ from visavis.stimuli.dressing.office_view import (
 from visavis.stimuli.motion.clip import Frames
 from visavis.stimuli.motion.skeleton import forward
 from visavis.stimuli.motion.warping.outlook import Outlook
-from visavis.stimuli.motion.warping.perceived import mask_of, perceived_parts
+from visavis.stimuli.motion.warping.perceived import mask_of, seen_and_free_parts
 from visavis.stimuli.motion.warping.track import WarpTrack
 from visavis.stimuli.scenes import office as places
 from visavis.stimuli.scenes.office import Waving
@@ -114,11 +113,10 @@ def reach_view(clerk: str, place: str) -> Outlook:
     return view_of(clerk, eye_at(place), place, REACH_PX)
 
 
-def _seen_and_free(clerk: str, poses: Frames, view: Outlook) -> Iterator[npt.NDArray[np.uint8]]:
-    """Yield the parts drawn in every pixel, then those drawn with nothing in between."""
+def _seen_and_free(clerk: str, poses: Frames, view: Outlook) -> tuple[npt.NDArray[np.uint8], ...]:
+    """Return the parts drawn in every pixel, and those drawn with nothing in between."""
     body = seen_body_of(clerk)
-    for one in (view, replace(view, behind=np.zeros_like(view.behind))):
-        yield perceived_parts(body, one, poses.root_m, poses.orientation_wxyz)
+    return seen_and_free_parts(body, view, poses.root_m, poses.orientation_wxyz)
 
 
 def _pixels(clerk: str, poses: Frames, view: Outlook) -> list[Vector]:

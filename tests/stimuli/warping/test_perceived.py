@@ -25,6 +25,7 @@ from visavis.stimuli.motion.warping.perceived import (
     perceived_parts,
     posed_points,
     refuse_observer_inside,
+    seen_and_free_parts,
 )
 from visavis.stimuli.motion.warping.raster_kernels import BOTH_SIDES
 from visavis.stimuli.motion.warping.units import turned_by, units_named
@@ -123,6 +124,25 @@ def test_poses_drawn_together_are_those_drawn_alone(seed, yaw):
     together = perceived_parts(box_person(), view, np.repeat(root[None], 8, axis=0), rows)
     alone = [perceived_parts(box_person(), view, root[None], row[None])[0] for row in rows]
     np.testing.assert_array_equal(np.array(alone), together)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 2**31 - 1), yaw=st.floats(-90, 90))
+def test_what_is_free_and_what_is_seen_are_what_each_would_be_alone(seed, yaw):
+    rng = np.random.default_rng(seed)
+    root, turns = arm_raised()
+    rows = np.repeat(turns[None], 4, axis=0)
+    rows[:, box_person().skeleton.index("head"), 0] = [1.0, 1.0, 0.95, 0.9]
+    roots = np.repeat(root[None], 4, axis=0)
+    nothing = view_from(yaw, size=64)
+    view = replace(nothing, behind=rng.uniform(0.1, 2.0, nothing.behind.shape))
+    nothing = replace(nothing, behind=np.zeros_like(nothing.behind))
+
+    partly, free = seen_and_free_parts(box_person(), view, roots, rows)
+
+    np.testing.assert_array_equal(perceived_parts(box_person(), nothing, roots, rows), free)
+    np.testing.assert_array_equal(perceived_parts(box_person(), view, roots, rows), partly)
+    assert 0 < (partly > 0).sum() < (free > 0).sum()
 
 
 def test_cloth_is_seen_from_behind_and_skin_is_not():

@@ -223,11 +223,17 @@ def pose_of_waver(
 
     As drawn, but for where the eyes point. `warp` stands in place of the wave's own.
     """
-    alone = _waver(waving).at(t_s, Aimed(np.full((1, 3), np.nan), np.ones(1)))
-    turns, track = alone.orientation_wxyz[0], warp or waving.warp
+    root_m, turns = unwarped_pose_of_waver(waving, t_s)
+    track = warp or waving.warp
     if track is not None:
         turns = warped_turns(waving.clip.skeleton, track.units, turns, track.at(t_s))
-    return alone.root_m[0], turns
+    return root_m, turns
+
+
+def unwarped_pose_of_waver(waving: Waving, t_s: float) -> tuple[Vector, Vector]:
+    """Return what `pose_of_waver` does, without what is added to the wave."""
+    alone = _waver(waving).at(t_s, Aimed(np.full((1, 3), np.nan), np.ones(1)))
+    return alone.root_m[0], alone.orientation_wxyz[0]
 
 
 @lru_cache(maxsize=32)

@@ -162,26 +162,14 @@ def perceived_parts(
     `threads`; the result is the same.
     """
     matrices = matrices_of(body.skeleton, root_m, local_wxyz)
-    height, width = view.size_px
-    ids: Bytes = np.empty((len(matrices), height, width), dtype=np.uint8)
+    ids = _unknown_parts(view, len(matrices))
     if len(matrices) == 0:
         return ids
     # Poses that move the same joints share the still rest of the body, which is drawn once.
     groups = _poses_alike(body, matrices)
 
     def work(share: Sequence[tuple[Moving, npt.NDArray[np.int64]]]) -> None:
-        for moving, rows in share:
-            perceive(
-                body.skin,
-                moving,
-                matrices[0],
-                matrices,
-                rows,
-                view.eye,
-                view.behind,
-                view.lighting,
-                ids,
-            )
+        _perceive_groups(body, view, matrices, share, ids)
 
     if pool is None or threads < 2 or len(matrices) < threads:
         work(groups)
@@ -191,15 +179,66 @@ def perceived_parts(
     return ids
 
 
+def seen_and_free_parts(
+    body: SeenBody, view: Outlook, root_m: Vector, local_wxyz: Vector
+) -> tuple[Bytes, Bytes]:
+    """Return the perceived part (n, h, w) at every pixel for poses root (n, 3), turns (n, 55, 4),
+    and what would be perceived with nothing in between.
+    """
+    matrices = matrices_of(body.skeleton, root_m, local_wxyz)
+    free, seen = _unknown_parts(view, len(matrices)), _unknown_parts(view, len(matrices))
+    nothing = replace(view, behind=np.zeros_like(view.behind))
+    if len(matrices):
+        groups = _poses_alike(body, matrices)
+        _perceive_groups(body, nothing, matrices, groups, free, (view.behind, seen))
+    return seen, free
+
+
+_NOTHING_BEFORE: Final = (np.empty((0, 0)), np.empty((0, 0, 0), dtype=np.uint8))
+
+
+def _unknown_parts(view: Outlook, n: int) -> Bytes:
+    height, width = view.size_px
+    return np.empty((n, height, width), dtype=np.uint8)
+
+
+def _perceive_groups(
+    body: SeenBody,
+    view: Outlook,
+    matrices: Floats,
+    groups: Sequence[tuple[Moving, npt.NDArray[np.int64]]],
+    ids: Bytes,
+    before_and_seen: tuple[Floats, Bytes] = _NOTHING_BEFORE,
+) -> None:
+    for moving, rows in groups:
+        perceive(
+            body.skin,
+            moving,
+            matrices[0],
+            matrices,
+            rows,
+            view.eye,
+            view.behind,
+            view.lighting,
+            ids,
+            *before_and_seen,
+        )
+
+
 def _poses_alike(body: SeenBody, matrices: Floats) -> list[tuple[Moving, npt.NDArray[np.int64]]]:
-    """Sort poses by which joints stand elsewhere than in the first one."""
+    """Sort poses by which joints stand elsewhere than in the first one, at most: where nothing
+    does, a pose is among the largest group, as if they did.
+    """
     differs = (matrices != matrices[0]).any(axis=(2, 3))
     rows_of: dict[bytes, list[int]] = {}
     for k, row in enumerate(differs):
         rows_of.setdefault(row.tobytes(), []).append(k)
+    like_first = rows_of.pop(bytes(differs.shape[1]))
+    largest = max(rows_of, key=lambda key: len(rows_of[key]), default=bytes(differs.shape[1]))
+    rows_of[largest] = sorted([*like_first, *rows_of.get(largest, [])])
     return [
-        (body.moving_with(differs[rows[0]]), np.array(rows, dtype=np.int64))
-        for rows in rows_of.values()
+        (body.moving_with(np.frombuffer(joints, np.bool_)), np.array(rows, dtype=np.int64))
+        for joints, rows in rows_of.items()
     ]
 
 
