@@ -103,7 +103,7 @@ class Lash:
     skin: float
 
 
-LASHES = {"1": Lash(3, 0.75, 0.00011, 0.45), "2": Lash(4, 0.85, 0.00022, 0.0)}
+LASHES = {"1": Lash(3, 0.75, 0.00011, 0.45), "2": Lash(3, 0.85, 0.00028, 0.0)}
 """Of the lower and of the upper lid, by the base mesh's numbers."""
 
 

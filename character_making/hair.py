@@ -27,7 +27,7 @@ class Style:
 
     length_m: float = 0.0
     locks: int = 0
-    width_m: float = 0.013
+    width_m: float = 0.007
     lift_m: float = 0.003
     curl_m: float = 0.0
     receding: float = 0.0
@@ -39,17 +39,19 @@ class Style:
 
 
 STYLES = {
-    "long": Style(lift_m=0.006, fall=Fall(0.58, 0.012, 0.013, 0.16, 0.085, 0.0045, 23)),
-    "shoulder": Style(lift_m=0.0065, fall=Fall(0.47, -0.022, 0.014, 0.14, 0.07, 0.005, 22)),
-    "bob": Style(lift_m=0.007, fall=Fall(0.32, 0.020, 0.016, 0.22, 0.02, 0.003, 19)),
+    "long": Style(
+        lift_m=0.006, fall=Fall(0.592, 0.012, 0.0125, 0.16, 0.085, 0.0045, 24, 0.06, 122.0)
+    ),
+    "shoulder": Style(lift_m=0.0065, fall=Fall(0.472, -0.022, 0.013, 0.14, 0.07, 0.005, 22)),
+    "bob": Style(lift_m=0.007, fall=Fall(0.324, 0.020, 0.0155, 0.22, 0.02, 0.003, 17, 0.03, 119.0)),
     "bun": Style(tie="bun", combing=Combing(0.012, 0.6, beyond_m=0.004, ragged_m=0.020, at_edge=0)),
     "ponytail": Style(
         tie="tail",
         framing=6,
         combing=Combing(0.018, 0.6, beyond_m=0.004, ragged_m=0.020, loose=60, at_edge=0, rows=11),
     ),
-    "curly": Style(0.040, 620, 0.026, 0.042, 0.003, rows=4),
-    "afro": Style(0.015, 900, 0.015, 0.013, 0.002, rows=3),
+    "curly": Style(0.037, 820, 0.024, 0.042, 0.004, rows=6),
+    "afro": Style(0.013, 1000, 0.013, 0.013, 0.002, rows=4),
     "short": Style(
         receding=0.12,
         combing=Combing(0.016, 0.45, beyond_m=0.007, sweep_rad=0.25, ragged_m=0.026),
@@ -67,7 +69,7 @@ STYLES = {
 }
 
 
-_DENSE_FROM_M, _ROOTS_M, _COILS_M = 0.006, 0.10, 0.20
+_DENSE_FROM_M, _ROOTS_M, _COILS_M = 0.003, 0.10, 0.20
 """How far within the hairline hair is dense; what the whole picture of hair, with its uneven roots,
 spans of a scalp, and that of coils."""
 
@@ -104,7 +106,7 @@ def shell(figure: Figure, body: Piece, colour: Vector, style: Style, seed: int) 
     turns, down = (
         (6, np.clip(inside / _COILS_M, 0, 0.98))
         if style.curl_m
-        else (12, np.clip(inside / _ROOTS_M, 0, 0.5))
+        else (20 if style.fall else 12, np.clip(inside / _ROOTS_M, 0, 0.5))
     )
     uv = np.stack([around / (2 * np.pi) * turns, SHEETS_DOWN * down], axis=-1)
     part = np.full(len(piece.triangles), PART_INDEX["scalp"])
@@ -239,6 +241,7 @@ THINNINGS = (Thinning(), Thinning(3, 2, 1.7), Thinning(9, 3, 2.6))
 class Locks:
     """Lines (n, rows, 3) of hair with outward directions, colours (n, 3), tints and widths (n,).
     They are as wide at their roots as the share `begins`, and lie upon sheets where they are loose.
+    `roundness` is by how much their normals lean to either side.
     """
 
     line: Vector
@@ -249,6 +252,7 @@ class Locks:
     start: Vector
     begins: float = 0.7
     is_loose: bool = False
+    roundness: float = 0.55
 
 
 def locks(
@@ -265,7 +269,7 @@ def locks(
     if style.fall is not None:
         sheets, line, out = mantle(figure, body, worn, colour, style.fall, seed, grey)
         loose = _coloured(line, out, style.width_m, colour, rng, grey)
-        return [*sheets, replace(loose, is_loose=True)]
+        return [*sheets, replace(loose, is_loose=True, roundness=0.2)]
     groups: list[Locks | Sheet] = []
     if style.combing is not None:
         tie_m = None if style.tie == "none" else _tie_point(figure, style)
@@ -337,7 +341,7 @@ _LIGHTEST = 2
 
 def _sheet_piece(figure: Figure, sheet: Sheet, level: int, first: int) -> Piece:
     weights = hair_weights(figure, sheet.line.reshape(-1, 3)).reshape(*sheet.line.shape[:2], -1)
-    return sheet_piece(figure, sheet, weights, *((1, 1), (3, 2), (4, 2))[level], first)
+    return sheet_piece(figure, sheet, weights, *((sheet.guides, 1), (3, 2), (4, 2))[level], first)
 
 
 def ribbons(
@@ -355,7 +359,9 @@ def ribbons(
     taper = np.interp(share, [0, 0.15, 0.7, 1], [0.5 * group.begins, 1.0, 0.9, 0.6])
     wide = thinning.wider * taper[None, :] * group.width_m[keep][:, None]
     edges = np.stack([line - wide[..., None] * across, line + wide[..., None] * across], axis=2)
-    normals = unit(np.stack([facing - 0.55 * across, facing + 0.55 * across], axis=2))
+    normals = unit(
+        np.stack([facing - group.roundness * across, facing + group.roundness * across], axis=2)
+    )
     base = np.arange(n * rows * 2).reshape(n, rows, 2)
     a, b, c, d = base[:, :-1, 0], base[:, :-1, 1], base[:, 1:, 0], base[:, 1:, 1]
     triangles = np.concatenate(

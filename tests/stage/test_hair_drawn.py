@@ -10,18 +10,34 @@ from scipy import ndimage
 
 from tests.stage.figures import camera, plain_room
 from tests.stage.test_irises_at_a_distance import standing
-from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg, rotate
 from visavis.stage.errors import StageError
+from visavis.stage.identity import IdentityBuffer
 from visavis.stage.renderer import Quality
 from visavis.stage.stills import Stills
+from visavis.stimuli.characters.body_parts import PART_INDEX
 from visavis.stimuli.characters.cast import cast_names, load_character
-from visavis.stimuli.characters.character import MORPHS, Character, Material
+from visavis.stimuli.characters.character import MORPHS, Character, Material, SkinnedMesh
 from visavis.stimuli.characters.levels import keep_triangles
 from visavis.stimuli.picture import Camera, Picture, PosedPeople, Prop, Room, StaticMesh
 
 AWAY_M, HEAD_M, SIDE_PX = 1.0, 0.34, 640
 DIFFERS_CODES = 10
 MAX_APART_M = 0.006
+VIEWS_DEG = {
+    "front": (0.0, 0.0),
+    "half left": (40.0, 0.0),
+    "half right": (-40.0, 0.0),
+    "left": (90.0, 0.0),
+    "right": (-90.0, 0.0),
+    "back": (180.0, 0.0),
+    "above": (0.0, 60.0),
+}
+"""How far round somebody, and how far down, one looks at them."""
+MAX_OFF = 0.05
+"""By which share hair may cover more or less than what is measured: of the first seven people with
+hair of cards it was 4.6 %.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +48,16 @@ def stills() -> Iterator[Stills]:
         pytest.skip(str(problem))
     yield drawer
     drawer.close()
+
+
+@pytest.fixture(scope="module")
+def buffer() -> Iterator[IdentityBuffer]:
+    try:
+        drawer = IdentityBuffer()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    with drawer:
+        yield drawer
 
 
 def _only(person: Character, material: str) -> Character:
@@ -67,6 +93,40 @@ def _longest_apart_m(stills: Stills, person: Character) -> float:
 def test_no_lines_of_hair_stand_apart_from_it(stills: Stills, name: str) -> None:
     """Of two people lines of 10 and 15 mm did."""
     assert MAX_APART_M > _longest_apart_m(stills, load_character(name))
+
+
+def _seen_px(buffer: IdentityBuffer, person: Character, mesh: SkinnedMesh) -> Vector:
+    """Return how many pixels of pictures from all around show scalp and face (2, views)."""
+    some = replace(person, levels=(mesh,) * 3, measuring=(mesh,))
+    picture, eyes_m = standing(some, 2.0, 0.0)
+    middle = eyes_m.mean(axis=0) + np.array([0.0, -0.05, -0.09])
+    half = 0.34 / 2.0
+    cameras = []
+    for yaw_deg, down_deg in VIEWS_DEG.values():
+        turn = quat_from_yaw_pitch_deg(yaw_deg, -down_deg)
+        at = middle + rotate(turn, np.array([0.0, 0.0, 2.0]))
+        cameras.append(Camera(Pose(at, turn), -half, half, -half, half))
+    shown = buffer.views(picture, cameras, (500, 500)).part
+    parts = [shown == PART_INDEX[name] for name in ("scalp", "face")]
+    return np.sum(parts, axis=(2, 3), dtype=np.float64)
+
+
+@pytest.mark.parametrize("name", cast_names())
+def test_hair_covers_as_much_as_what_is_measured_says(name: str, buffer: IdentityBuffer) -> None:
+    """Cards that reached farther to the front covered up to half more of five people's heads, and
+    half of their cheeks from a side.
+    """
+    person = load_character(name)
+    full, measured = (
+        _seen_px(buffer, person, mesh) for mesh in (person.levels[0], person.measuring[0])
+    )
+    off = {
+        (part, view): float(full[row, k] / measured[row, k] - 1)
+        for row, (part, views) in enumerate({"scalp": 7, "face": 5}.items())
+        for k, view in enumerate(list(VIEWS_DEG)[:views])
+    }
+    # Of faces nothing is seen from behind, and little but noses from above.
+    assert {} == {where: share for where, share in off.items() if abs(share) > MAX_OFF}
 
 
 def test_cut_outs_of_pictures_made_smaller_are_covered_by_as_much_as_they_hide(

@@ -26,10 +26,6 @@ FALLING = [name for name in cast_names() if RECIPE[name].hair in ("long", "shoul
 TIED = [name for name in cast_names() if RECIPE[name].hair in ("bun", "ponytail")]
 """Whose hair is combed back into a bun or a tail."""
 MAX_TIED_OFF_M = {"bun": 0.031, "ponytail": 0.040}
-CARDS = ["dai", "freya", "gabriel", "henrik", "jun", "karim", "luca"]
-"""Whose hair, in full, is of cards with soft edges. Of cards, that of others would cover more of
-their faces or scalps than what is measured from them says.
-"""
 NECK_M = 0.3
 """So far to each side of the neck's joint triangles may hide its surroundings."""
 COLLAR_M = (0.070, 0.085)
@@ -304,7 +300,7 @@ def _largest(
     return corners[largest], hair[largest], hair[~largest]
 
 
-@pytest.mark.parametrize("name", CARDS)
+@pytest.mark.parametrize("name", cast_names())
 def test_hairlines_end_in_single_hairs(name: str) -> None:
     """Scalps were cut where the picture of hair is whole, like bald caps."""
     person = load_character(name)
@@ -638,7 +634,7 @@ def test_plain_shirts_have_buttons_and_no_strip_below_them(name: str) -> None:
 MAX_LOWER_LASH_M = 0.00035
 
 
-@pytest.mark.parametrize("name", CARDS)
+@pytest.mark.parametrize("name", cast_names())
 def test_lower_lashes_are_fine_hairs(name: str) -> None:
     """As wide as .7 mm and as dark as the upper ones they were a row of dots."""
     person = load_character(name)

@@ -62,7 +62,7 @@ NAMED_KEYS: Final = (
 """Keys of a page, besides those called as what they type; trigger is space, select is enter."""
 ROLES_OF_PAGES: Final = ("sound", "responses", HANDS)
 """Roles that a page fills itself; hands only in a headset."""
-FILM_VERSION: Final = "vp9 9"
+FILM_VERSION: Final = "vp9 10"
 """Version of drawing and encoding: a new value makes every film again."""
 FILM_QUALITY: Final[Mapping[str, Any]] = {
     "samples": 0,
