@@ -53,16 +53,16 @@ def with_hair(source: MakeHuman, person: Character, recipe: Recipe, seed: int) -
     figure = figure_of(source, recipe.shape, recipe.stature_m, SOLE_M[recipe.shoes])
     figure, morphs = with_closed_lips(*with_neutral_lids(figure, face_morphs(figure)))
     body = body_piece(figure, base_colour(face), morphs)
-    worn: list[Piece] = []
+    under_hair: list[Piece] = []
     if style.fall is not None:
         # Hair lies on what its ends reach.
         clothes, _, _ = clothed(figure, Tailor(source).stuff(figure), recipe, body, seed)
-        worn = [piece for piece in clothes if piece.material != "shoe"]
+        under_hair = [piece for piece in clothes if piece.material != "shoe"]
     colour = hair_colour_of(recipe)
     pieces = [
         *lashes(figure, rgb(face.brow) * 0.4, base_colour(face), morphs),
         shell(figure, body, colour, style, seed),
-        *pieces_of(figure, locks(figure, body, worn, colour, style, seed, face.grey), 0),
+        *pieces_of(figure, locks(figure, body, under_hair, colour, style, seed, face.grey), 0),
     ]
     materials = tuple(
         replace(m, texture_srgb=strands) if m.name == "hair" else m for m in person.materials

@@ -55,13 +55,13 @@ def within_labels(recordings: Sequence[Recording]) -> Iterator[tuple[float, floa
     """
     for recording in recordings:
         (labelling,) = recording.by.values()
-        found = detect_movements(recording.t_ns, recording.direction)
-        is_saccade = found.kind == Movement.SACCADE
+        movements = detect_movements(recording.t_ns, recording.direction)
+        is_saccade = movements.kind == Movement.SACCADE
         for first, end in labelling.fixations:
-            is_within = is_saccade & (found.first_row > first) & (found.last_row < end - 1)
+            is_within = is_saccade & (movements.first_row > first) & (movements.last_row < end - 1)
             yield from zip(
-                found.amplitude_deg[is_within].tolist(),
-                found.peak_deg_s[is_within].tolist(),
+                movements.amplitude_deg[is_within].tolist(),
+                movements.peak_deg_s[is_within].tolist(),
                 strict=True,
             )
 

@@ -480,7 +480,7 @@ class GazeObserver:
         """Return what has arrived as one batch; the next frame takes what came after a time, to
         which a question to the tracker may have moved a virtual clock meanwhile.
         """
-        batch = _joined(self.drain())
+        batch = _one_batch_of(self.drain())
         if batch is None or until_ns is None or batch.t_host_ns[-1] <= until_ns:
             return batch
         n = int(np.searchsorted(np.maximum.accumulate(batch.t_host_ns), until_ns, side="right"))
@@ -498,7 +498,7 @@ def _part(batch: SampleBatch, first: int, end: int) -> SampleBatch:
     )
 
 
-def _joined(batches: Sequence[SampleBatch]) -> SampleBatch | None:
+def _one_batch_of(batches: Sequence[SampleBatch]) -> SampleBatch | None:
     """Return batches of gaze as one; None of none."""
     if len(batches) < 2:
         return batches[0] if batches else None

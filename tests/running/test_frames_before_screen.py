@@ -55,11 +55,11 @@ def test_a_session_before_a_screen_is_the_same_frame_by_frame(
     counts = []
     begin_frame = FrameLoop._begin_frame
 
-    def counted(loop: FrameLoop) -> object:
+    def count_frame(loop: FrameLoop) -> object:
         counts[-1] += 1
         return begin_frame(loop)
 
-    monkeypatch.setattr(FrameLoop, "_begin_frame", counted)
+    monkeypatch.setattr(FrameLoop, "_begin_frame", count_frame)
     counts.append(0)
     together = _session(tmp_path / "together", tracker)
     monkeypatch.setattr(visavis.devices.pump, "Foreseeing", Nobody)

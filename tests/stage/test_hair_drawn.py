@@ -106,8 +106,8 @@ def _seen_px(buffer: IdentityBuffer, person: Character, mesh: SkinnedMesh) -> Ve
         turn = quat_from_yaw_pitch_deg(yaw_deg, -down_deg)
         at = middle + rotate(turn, np.array([0.0, 0.0, 2.0]))
         cameras.append(Camera(Pose(at, turn), -half, half, -half, half))
-    shown = buffer.views(picture, cameras, (500, 500)).part
-    parts = [shown == PART_INDEX[name] for name in ("scalp", "face")]
+    part = buffer.views(picture, cameras, (500, 500)).part
+    parts = [part == PART_INDEX[name] for name in ("scalp", "face")]
     return np.sum(parts, axis=(2, 3), dtype=np.float64)
 
 
@@ -117,11 +117,11 @@ def test_hair_covers_as_much_as_what_is_measured_says(name: str, buffer: Identit
     half of their cheeks from a side.
     """
     person = load_character(name)
-    full, measured = (
+    full, copy = (
         _seen_px(buffer, person, mesh) for mesh in (person.levels[0], person.measuring[0])
     )
     off = {
-        (part, view): float(full[row, k] / measured[row, k] - 1)
+        (part, view): float(full[row, k] / copy[row, k] - 1)
         for row, (part, views) in enumerate({"scalp": 7, "face": 5}.items())
         for k, view in enumerate(list(VIEWS_DEG)[:views])
     }

@@ -17,7 +17,7 @@ from visavis.stimuli.motion.clip import floor_of_rest_m
 from visavis.stimuli.motion.skeleton import canonical_skeleton, forward
 
 NAMES = cast_names()
-CURLED = ("chloe", "ike")
+WITH_CURLS = ("chloe", "ike")
 """Whose hair is cards that are clear about their curls, which rays without pictures take as whole:
 `tests.stage.test_hair_drawn` compares pictures of everybody's.
 """
@@ -139,7 +139,7 @@ def test_parts_of_copies_for_measuring_are_seen_as_large_as_in_the_full_mesh(
     eyes = [PART_INDEX["left_eye"], PART_INDEX["right_eye"]]
     large = np.union1d(np.flatnonzero(full > 5e-4), eyes)
     assert len(large) >= 18  # all, but for a pelvis of which a long top leaves little
-    if person.name in CURLED:
+    if person.name in WITH_CURLS:
         large = large[large != PART_INDEX["scalp"]]
     errors = {PARTS[p]: round(thin[p] / full[p] - 1, 3) for p in large}
     assert {part: e for part, e in errors.items() if abs(e) > 0.05} == {}

@@ -24,7 +24,7 @@ class NotedTimes(FilmPictures):
         self.times_ns.append(t_ns)
 
 
-def lit(*, stays: bool) -> tuple[LitFrames, NotedTimes, list[int]]:
+def frames_of(*, stays: bool) -> tuple[LitFrames, NotedTimes, list[int]]:
     pictures, asked_ns = NotedTimes(), []
 
     def update(view: Any) -> None:
@@ -35,24 +35,24 @@ def lit(*, stays: bool) -> tuple[LitFrames, NotedTimes, list[int]]:
 
 @pytest.mark.parametrize("is_lit", [True, False])
 def test_frames_that_pass_together_are_counted_as_those_that_pass_one_by_one(is_lit: bool) -> None:
-    each, pictures_each, asked_ns = lit(stays=True)
-    together, pictures_together, never_asked_ns = lit(stays=True)
+    each, pictures_each, asked_ns = frames_of(stays=True)
+    together, pictures_together, never_asked_ns = frames_of(stays=True)
     each.is_lit = together.is_lit = is_lit
     for t_ns in T_NS[:3]:
         view: Any = SimpleNamespace(t_ns=t_ns)
         each(view)
-    told = together.ahead(T_NS, NOBODY)
-    assert isinstance(told, Unchanged)
-    together.pass_frames(told, GAZES)
+    ahead = together.ahead(T_NS, NOBODY)
+    assert isinstance(ahead, Unchanged)
+    together.pass_frames(ahead, GAZES)
 
-    assert (4 if is_lit else 1) == each.frames == together.frames
+    assert (4 if is_lit else 1) == each.count == together.count
     assert (T_NS[:3] if is_lit else []) == pictures_each.times_ns == pictures_together.times_ns
     assert T_NS[:3] == asked_ns
     assert [] == never_asked_ns
 
 
 def test_what_may_change_by_itself_tells_nothing_ahead_until_it_is_dark() -> None:
-    frames, _, _ = lit(stays=False)
+    frames, _, _ = frames_of(stays=False)
     assert frames.ahead(T_NS, NOBODY) is None
     frames.is_lit = False
     assert frames.ahead(T_NS, NOBODY) is not None

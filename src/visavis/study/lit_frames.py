@@ -11,27 +11,28 @@ from visavis.study.film_pictures import FilmPictures
 class LitFrames(UpdateAhead):
     """The `update` of quiet frames of a showing, which counts them as long as `is_lit`.
 
-    `update` returns what comes after a frame. What `stays` is not asked for it.
+    `update` returns what comes after a frame. What `stays` is not asked for it. `count` begins with
+    the frames that were lit before.
     """
 
     def __init__(
         self,
         update: Callable[[FrameView], SceneFrame | None],
         pictures: FilmPictures,
-        frames: int,
+        count: int,
         *,
         stays: bool,
     ) -> None:
         self._update = update
         self._pictures = pictures
         self._stays = stays
-        self.frames = frames
+        self.count = count
         self.is_lit = True
 
     def note(self, t_ns: int) -> None:
         """Count a frame that began at a time, and the pictures of films in it."""
         if self.is_lit:
-            self.frames += 1
+            self.count += 1
             self._pictures.note(t_ns)
 
     def __call__(self, view: FrameView) -> SceneFrame | None:

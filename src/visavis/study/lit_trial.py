@@ -187,20 +187,20 @@ class LitTrial:
         in which they would be.
         """
         name, staged_scene, view = yield from self._light(showing)
-        lit_ns, lit = view.t_ns, self._lit_frames(1)
+        lit_ns, frames = view.t_ns, self._lit_frames(1)
         until = self._condition(ends, staged_scene, lit_ns)
         while not (until is not None and until(view)):
             on_ns = self._onset_ns_of(showing, name, lit_ns, view)
-            if on_ns is not None and showing.is_over(lit.frames, view, on_ns):
+            if on_ns is not None and showing.is_over(frames.count, view, on_ns):
                 break
             quiet_until_ns = 0
             if until is None and on_ns is not None:
                 quiet_until_ns = showing.calm_until_ns(view, on_ns)
             yield from self._follow(view)
-            view = yield from self._frame(quiet_until_ns, lit)
-            lit.note(view.t_ns)
+            view = yield from self._frame(quiet_until_ns, frames)
+            frames.note(view.t_ns)
         off_ns = view.t_ns + view.surface.frame_ns
-        self._note_shown(name, staged_scene, lit_ns, off_ns, lit.frames)
+        self._note_shown(name, staged_scene, lit_ns, off_ns, frames.count)
         return ShownScene(lit_ns, off_ns, staged_scene.roles, view)
 
     def _note_shown(
@@ -227,28 +227,28 @@ class LitTrial:
         """Show something until a key is pressed; after its seconds wait for the key in the dark."""
         name, staged_scene, view = yield from self._light(showing)
         controls, lit_ns = tuple(keys.options), view.t_ns
-        on_ns, view, frames = yield from self._onset_of(showing, name, view)
-        lit = self._lit_frames(frames)
+        on_ns, view, frame_count = yield from self._onset_of(showing, name, view)
+        frames = self._lit_frames(frame_count)
         until_ns = on_ns + round(keys.limit_s * NS_PER_S)
         answer = press_in(view, controls, on_ns, until_ns)
         while answer is None and view.t_ns < until_ns:
-            if lit.is_lit and showing.is_over(lit.frames, view, on_ns):
+            if frames.is_lit and showing.is_over(frames.count, view, on_ns):
                 off_ns = view.t_ns + view.surface.frame_ns
-                self._note_shown(name, staged_scene, lit_ns, off_ns, lit.frames)
-                lit.is_lit = False
+                self._note_shown(name, staged_scene, lit_ns, off_ns, frames.count)
+                frames.is_lit = False
                 self.put_out()
                 yield dark_view(view.t_ns)
                 view = yield from self._frame()
                 self.end_light(view.t_ns)
             else:
                 yield from self._follow(view)
-                calm_ns = showing.calm_until_ns(view, on_ns) if lit.is_lit else until_ns
-                view = yield from self._frame(min(calm_ns, until_ns), lit)
-                lit.note(view.t_ns)
+                calm_ns = showing.calm_until_ns(view, on_ns) if frames.is_lit else until_ns
+                view = yield from self._frame(min(calm_ns, until_ns), frames)
+                frames.note(view.t_ns)
             answer = press_in(view, controls, on_ns, until_ns)
-        if lit.is_lit:
+        if frames.is_lit:
             off_ns = view.t_ns + view.surface.frame_ns
-            self._note_shown(name, staged_scene, lit_ns, off_ns, lit.frames)
+            self._note_shown(name, staged_scene, lit_ns, off_ns, frames.count)
         if answer is None:
             answer = Answer(None, NOTHING_IN_TIME, on_ns, view.t_ns, view)
         return answer
@@ -324,11 +324,11 @@ class LitTrial:
             about = {"trial_id": self.trial.trial_id, "name": self._shown_as}
             yield Mark(VIEW_TURNED, {**about, **turn})
 
-    def _lit_frames(self, frames: int) -> LitFrames:
+    def _lit_frames(self, count: int) -> LitFrames:
         """Return what counts the quiet frames of what is shown, of which so many have passed."""
         scene = self._staged_scene
         stays = isinstance(scene, StagedFlat) and scene.stays
-        return LitFrames(self._scene_update, self._film_pictures, frames, stays=stays)
+        return LitFrames(self._scene_update, self._film_pictures, count, stays=stays)
 
     def _scene_update(self, view: FrameView) -> SceneFrame | None:
         """Return the current scene's next frame; None without a change."""

@@ -186,12 +186,12 @@ def seen_and_free_parts(
     and what would be perceived with nothing in between.
     """
     matrices = matrices_of(body.skeleton, root_m, local_wxyz)
-    free, seen = _unknown_parts(view, len(matrices)), _unknown_parts(view, len(matrices))
+    free, visible = _unknown_parts(view, len(matrices)), _unknown_parts(view, len(matrices))
     nothing = replace(view, behind=np.zeros_like(view.behind))
     if len(matrices):
         groups = _poses_alike(body, matrices)
-        _perceive_groups(body, nothing, matrices, groups, free, (view.behind, seen))
-    return seen, free
+        _perceive_groups(body, nothing, matrices, groups, free, (view.behind, visible))
+    return visible, free
 
 
 _NOTHING_BEFORE: Final = (np.empty((0, 0)), np.empty((0, 0, 0), dtype=np.uint8))
@@ -208,7 +208,7 @@ def _perceive_groups(
     matrices: Floats,
     groups: Sequence[tuple[Moving, npt.NDArray[np.int64]]],
     ids: Bytes,
-    before_and_seen: tuple[Floats, Bytes] = _NOTHING_BEFORE,
+    before_and_visible: tuple[Floats, Bytes] = _NOTHING_BEFORE,
 ) -> None:
     for moving, rows in groups:
         perceive(
@@ -221,7 +221,7 @@ def _perceive_groups(
             view.behind,
             view.lighting,
             ids,
-            *before_and_seen,
+            *before_and_visible,
         )
 
 

@@ -270,11 +270,11 @@ def _draw_back(screen: Floats, triangles: Ints, before: Floats, nearness: Floats
 
 
 @compiled
-def _hide(ids: Bytes, nearness: Floats, before: Floats, seen: Bytes) -> None:
-    """Fill `seen` (h, w) with what `ids` (h, w) shows that nothing nearer is before."""
+def _hide(ids: Bytes, nearness: Floats, before: Floats, visible: Bytes) -> None:
+    """Fill `visible` (h, w) with what `ids` (h, w) shows that nothing nearer is before."""
     for r in range(ids.shape[0]):
         for c in range(ids.shape[1]):
-            seen[r, c] = ids[r, c] if nearness[r, c] >= before[r, c] else 0
+            visible[r, c] = ids[r, c] if nearness[r, c] >= before[r, c] else 0
 
 
 @compiled
@@ -289,17 +289,17 @@ def perceive(
     lighting: Lighting,
     ids: Bytes,
     before: Floats,
-    seen: Bytes,
+    visible: Bytes,
 ) -> None:
     """Fill some rows of ids (n, h, w) with the perceived parts of a body in poses (n, j, 3, 4).
 
     All these poses differ from the pose `first` (j, 3, 4) at most in what is `moving`, so the other
-    faces are drawn once. `behind` (h, w) is the inverse depth of everything else in view. `seen`
+    faces are drawn once. `behind` (h, w) is the inverse depth of everything else in view. `visible`
     (n, h, w) is filled with what is seen of it when what has the inverse depth `before` (h, w)
     stands before it, too; empty arrays leave that out.
     """
     height, width = behind.shape
-    is_seen = seen.shape[0] > 0
+    has_visible = visible.shape[0] > 0
     points, screen = np.empty_like(skin.rest), np.empty_like(skin.rest)
     skin_points(skin, first, points)
     project_points(points, eye, width, height, screen)
@@ -314,8 +314,8 @@ def perceive(
             skin_some(moving.vertices, skin, matrices[k], points)
             project_some(moving.vertices, points, eye, width, height, screen)
             draw(points, screen, moving.faces, ids[k], nearness, lighting)
-        if is_seen:
-            _hide(ids[k], nearness, before, seen[k])
+        if has_visible:
+            _hide(ids[k], nearness, before, visible[k])
         if moving.faces.triangles.shape[0] > 0:
             _draw_back(screen, moving.faces.triangles, still_near, nearness)
 
