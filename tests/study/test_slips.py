@@ -137,6 +137,34 @@ def test_no_shipped_study_has_slips(name: str) -> None:
     assert find_study(name).experiment({}).read
 
 
+ZONES = [
+    ('within=["eyes", "zone"], expects="zone: near > far"', ""),
+    ('within=["eyes", "zone"], expects="eyes: averted > directed; zone: near > far"', "3 levels"),
+    ('within="zone", test="rm", expects="near > far", one_sided=True', "3 levels"),
+    ('within="zone", test="rm", expects="near > middle > far"', ""),
+]
+
+
+@pytest.mark.parametrize(("keywords", "said"), ZONES, ids=[z[0] for z in ZONES])
+def test_a_direction_of_a_derived_column_is_between_its_own_levels(
+    tmp_path: Path, keywords: str, said: str
+) -> None:
+    """It was held against the levels of other factors, or against none: then an interaction or a
+    one-sided test of three levels took the test over all three for that of the two it names."""
+    zone = '{1.0: "near", 2.5: "middle", 4.0: "far"}[trial["distance"]]'
+    right = 'Compare("comfort", within=["distance", "eyes"])'
+    text = STUDY.replace(right, f'Compare("comfort", {keywords})', 1)
+    text = text.replace("practice=1,", f'practice=1, derived={{"zone": lambda trial: {zone}}},', 1)
+    path = tmp_path / "mood.py"
+    path.write_text(text.replace("[1.0, 2.5]", "[1.0, 2.5, 4.0]", 1), "utf-8")
+
+    if not said:
+        assert find_study(str(path)).experiment({}).compare
+        return
+    with pytest.raises(DesignError, match=f"line 9.* zone has {said}"):
+        find_study(str(path)).experiment({})
+
+
 IMPOSSIBLE = [
     (
         'model="lmm", options=[("covariates", ("part",))]',

@@ -152,12 +152,13 @@ def _detections(study: Study) -> dict[str, DetectionValue]:
     return measures
 
 
-def refuse_unknown_levels(study: Study) -> None:
+def refuse_unknown_levels(experiment: StudyExperiment) -> None:
     """Refuse comparisons, directions of claims and published results of levels not there.
 
     Raises:
         DesignError: with the line of the study file and the most similar valid name.
     """
+    study = experiment.study
     levels = {f.name: tuple(map(str, f.levels)) for f in study.design.factors}
     levels |= {name: tuple(of) for name, of in study.analysis.groups.items()}
     levels |= {SESSION: tuple(study.design.sessions)} if study.design.sessions else {}
@@ -180,13 +181,21 @@ def refuse_unknown_levels(study: Study) -> None:
         ]
         for text, orders in texts:
             for order in orders:
-                factors = (order.factor,) if order.factor in levels else compare.within
+                factors = (order.factor,) if order.factor else compare.within
                 names = [level for f in factors for level in levels.get(f, ())]
                 if compare.model == "bradleyterry":
                     names = [item for level in names for item in level.split(PAIR_SIGN)]
                 # An interaction, like a one-sided test, has one direction between two levels.
                 two_only = len(orders) == 2 or (compare.one_sided and text == compare.expects)
-                _refuse_order(study, text, order, tuple(dict.fromkeys(names)), two_only)
+                _refuse_order(study, text, order, tuple(dict.fromkeys(names)))
+                count = len(names or experiment.levels.get(order.factor, ()))
+                if two_only and count > 2:
+                    place = line_saying(study.files.path, text) or f"study {study.name}"
+                    raise DesignError(
+                        f"{place}: {text!r} is of an interaction or one-sided, and {order.factor} "
+                        f"has {count} levels; only between two levels is there one direction. "
+                        "Expect an order of one factor, tested on both sides, instead"
+                    )
 
 
 def refuse_impossible_tests(experiment: StudyExperiment) -> None:
@@ -209,21 +218,13 @@ def refuse_impossible_tests(experiment: StudyExperiment) -> None:
             raise DesignError(f"{place}: the comparison {compare.name}: {problem}") from problem
 
 
-def _refuse_order(
-    study: Study, text: str, order: Order, levels: Sequence[str], two_only: bool
-) -> None:
-    """Refuse an order of other levels than these, or of more where there may be two only."""
-    place = line_saying(study.files.path, text) or f"study {study.name}"
-    for name in order.names if levels else ():  # levels of derived columns follow from trials
+def _refuse_order(study: Study, text: str, order: Order, levels: Sequence[str]) -> None:
+    """Refuse an order of other levels than these; those of derived columns follow from trials."""
+    for name in order.names if levels else ():
         if name not in levels:
+            place = line_saying(study.files.path, text) or f"study {study.name}"
             near = did_you_mean(name, levels)
             raise DesignError(f"{place}: {text!r} names {name!r}, which is no level{near}")
-    if two_only and len(levels) > 2:
-        raise DesignError(
-            f"{place}: {text!r} is of an interaction or one-sided, and {order.factor} has "
-            f"{len(levels)} levels; only between two levels is there one direction. Expect an "
-            "order of one factor, tested on both sides, instead"
-        )
 
 
 def _unknown_column(

@@ -117,7 +117,7 @@ class OpenedStudy:
         areas_gone = set[str]() if is_recorded else None
         experiment = StudyExperiment(self.study, dict(overrides), areas_gone=areas_gone)
         refuse_unknown_names(experiment, self.measures(experiment))
-        refuse_unknown_levels(self.study)
+        refuse_unknown_levels(experiment)
         return experiment
 
     def experiment_to_run(self, overrides: Mapping[str, Any]) -> StudyExperiment:
