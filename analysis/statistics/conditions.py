@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -10,14 +11,14 @@ from visavis.analysis.statistics.anova import Anova, AnovaEffect, anova_of_desig
 from visavis.analysis.statistics.contrasts import Contrasts
 from visavis.analysis.statistics.decision import Step
 from visavis.analysis.statistics.design import Frame, Levels, read_design
-from visavis.analysis.statistics.errors import ConstantResponse, StatisticsError, TooFewLevels
+from visavis.analysis.statistics.errors import StatisticsError, TooFewLevels
 from visavis.analysis.statistics.friedman import (
     Friedman,
     SignedRankPair,
     friedman,
     posthoc_signed_rank,
 )
-from visavis.analysis.statistics.inputs import is_constant
+from visavis.analysis.statistics.inputs import differences, is_constant
 from visavis.analysis.statistics.marginal import posthoc
 from visavis.analysis.statistics.normality import ShapiroWilk, shapiro_wilk
 from visavis.analysis.statistics.results import Provenance, Result, Row, p_text, threshold_text
@@ -80,7 +81,8 @@ def compare_conditions(
     """Compare conditions: Shapiro-Wilk per condition, then ANOVA or Friedman, then post-hocs.
 
     All conditions normal (p > `normality_alpha`) → repeated-measures ANOVA, Greenhouse-Geisser
-    where Mauchly's p < .05, paired t post-hocs; otherwise Friedman and signed-rank post-hocs.
+    where Mauchly's p < .05, paired t post-hocs; otherwise Friedman and signed-rank post-hocs, also
+    where all subjects differ by the same amount between conditions, so that t has no error.
     Post-hocs run when the test is significant, adjusted by `adjust`.
     """
     if not 0 < alpha < 1:
@@ -100,11 +102,17 @@ def compare_conditions(
     steps = [_normality_step(normality, normality_alpha, is_normal)]
     test: AnovaEffect | Friedman
     anova: Anova | None = None
-    if is_normal:
-        try:
-            anova = anova_of_design(design, subject=subject)
-        except ConstantResponse:  # everybody differs alike: F has no error, ranks decide
-            steps.append(Step("Is there an error to test against", "none", "no, Friedman"))
+    # Where everybody differs alike between conditions there is no error, and ranks decide.
+    alike = [
+        f"{factor.levels[i]} and {factor.levels[j]}"
+        for i, j in combinations(range(factor.k), 2)
+        if is_constant(differences(table[:, i], table[:, j]))
+    ]
+    if is_normal and alike:
+        answer = f"none between {', '.join(alike)}"
+        steps.append(Step("Is there an error to test against", answer, "no, Friedman"))
+    elif is_normal:
+        anova = anova_of_design(design, subject=subject)
     if anova is not None:
         test = anova.effects[0]
         p, provenance = test.p_used, anova.provenance

@@ -59,6 +59,13 @@ class NotConverged(StatisticsError):
     """A model could not be fitted to the data."""
 
 
+RANKS_NEED_NO_ERROR = (
+    "tests of ranks need no error (friedman, of two levels wilcoxon), but look for copied or "
+    "constructed rows first"
+)
+"""What to do where everybody differs alike, for messages."""
+
+
 def option_text(name: str, value: str | float) -> str:
     """Return how an option is chosen, in Python and study files and on the command line.
 

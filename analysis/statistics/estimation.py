@@ -1,15 +1,21 @@
 """Draw estimation plots: rainclouds of participants, and mean differences with intervals."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from visavis.analysis.statistics.errors import TooFewLevels, UnequalLength, UnknownMethod
+from visavis.analysis.statistics.errors import (
+    ConstantResponse,
+    TooFewLevels,
+    UnequalLength,
+    UnknownMethod,
+)
 from visavis.analysis.statistics.inputs import sample
-from visavis.analysis.statistics.results import MINUS, Array, percent
+from visavis.analysis.statistics.results import MINUS, Array, Interval, percent
 from visavis.analysis.statistics.t_tests import TTest, independent_t, paired_t
 
 if TYPE_CHECKING:
@@ -129,29 +135,31 @@ def _draw_differences(
     for i, column in enumerate(columns):
         if i == base:
             continue
-        both = (names[i], names[base])
-        test: TTest = (
-            paired_t(column, columns[base], names=both, level=level)
-            if paired
-            else independent_t(
-                column, columns[base], names=both, level=level, equal_variances=False
+        both, colour = (names[i], names[base]), COLOURS[i % len(COLOURS)]
+        estimate = float(column.mean() - columns[base].mean())
+        interval = Interval(estimate, estimate, level)
+        # Where everybody differs alike there is no error, and the interval is a point.
+        with suppress(ConstantResponse):
+            test: TTest = (
+                paired_t(column, columns[base], names=both, level=level)
+                if paired
+                else independent_t(
+                    column, columns[base], names=both, level=level, equal_variances=False
+                )
             )
-        )
-        colour = COLOURS[i % len(COLOURS)]
-        se = (test.interval.high - test.interval.low) / 2
-        se /= float(special.stdtrit(test.df, 0.5 + level / 2))
-        t = np.linspace(-4.2, 4.2, 161)
-        density = (1 + t**2 / test.df) ** (-(test.df + 1) / 2)
-        axes.fill_betweenx(
-            test.estimate + t * se, i, i + 0.3 * density, color=colour, alpha=0.3, lw=0
-        )
-        axes.plot([i, i], [test.interval.low, test.interval.high], color=colour, lw=2.4)
-        axes.plot(i, test.estimate, "o", ms=7, color=colour, zorder=3)
+            estimate, interval = test.estimate, test.interval
+            se = (interval.high - interval.low) / 2
+            se /= float(special.stdtrit(test.df, 0.5 + level / 2))
+            t = np.linspace(-4.2, 4.2, 161)
+            density = (1 + t**2 / test.df) ** (-(test.df + 1) / 2)
+            axes.fill_betweenx(
+                estimate + t * se, i, i + 0.3 * density, color=colour, alpha=0.3, lw=0
+            )
+        axes.plot([i, i], [interval.low, interval.high], color=colour, lw=2.4)
+        axes.plot(i, estimate, "o", ms=7, color=colour, zorder=3)
         axes.annotate(
-            f"{test.estimate:.3g}\n[{test.interval.low:.3g}, {test.interval.high:.3g}]".replace(
-                "-", MINUS
-            ),
-            (i, test.estimate),
+            f"{estimate:.3g}\n[{interval.low:.3g}, {interval.high:.3g}]".replace("-", MINUS),
+            (i, estimate),
             xytext=(-9, 0),
             textcoords="offset points",
             ha="right",

@@ -167,7 +167,10 @@ def posthoc_signed_rank(
     zeros: ZeroRule = "wilcoxon",
     continuity: bool = False,
 ) -> tuple[SignedRankPair, ...]:
-    """Compare all pairs of conditions by Wilcoxon's signed-rank test."""
+    """Compare all pairs of conditions by Wilcoxon's signed-rank test.
+
+    Of conditions that are equal in everybody p is 1.
+    """
     design = _design(frame, dv, subject, within, levels)
     table: Array = design.table(design.y)
     names = [str(v) for v in design.factors[0].levels]
@@ -180,6 +183,7 @@ def posthoc_signed_rank(
             zeros=zeros,
             continuity=continuity,
             names=(names[i], names[j]),
+            allow_equal=True,
         )
         for i, j in pairs
     ]

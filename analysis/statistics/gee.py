@@ -13,6 +13,7 @@ from visavis.analysis.statistics.design import Design, Frame, Levels, Missing, r
 from visavis.analysis.statistics.effect_table import EffectTable
 from visavis.analysis.statistics.effects import tails_of
 from visavis.analysis.statistics.errors import (
+    RANKS_NEED_NO_ERROR,
     ConstantResponse,
     NotConverged,
     NotNumeric,
@@ -41,6 +42,8 @@ RATIO = {"gaussian": "", "binomial": "odds ratio", "poisson": "rate ratio"}
 
 MAX_ITERATIONS = 200
 PARAMETER_TOLERANCE = 1e-10
+NO_ERROR = 1e-12
+"""Variance of a difference, as a share of the largest of a coefficient, that is float noise."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,7 @@ def hotelling(L: Array, beta: Array, covariance: Array, df: int) -> tuple[float,
 
     Raises:
         TooFewSubjects: as many coefficients as subjects.
+        ConstantResponse: a difference that is tested has no error.
     """
     q = L.shape[0]
     df2 = df - q + 1
@@ -81,7 +85,13 @@ def hotelling(L: Array, beta: Array, covariance: Array, df: int) -> tuple[float,
             f"a test of {q} coefficients needs more than {q} subjects beyond the groups"
         )
     estimate = L @ beta
-    wald = float(estimate @ np.linalg.solve(L @ covariance @ L.T, estimate))
+    tested = L @ covariance @ L.T
+    if np.linalg.eigvalsh(tested)[0] <= NO_ERROR * float(np.diag(covariance).max()):
+        raise ConstantResponse(
+            "responses differ between some conditions by the same amount in all subjects, so F has "
+            f"no error and is not defined; {RANKS_NEED_NO_ERROR}"
+        )
+    wald = float(estimate @ np.linalg.solve(tested, estimate))
     return wald * df2 / (df * q), float(df2)
 
 
@@ -191,6 +201,8 @@ def gee(
     )
     _refuse_responses(design, family)
     X, place = design_matrix(design)
+    if family == "gaussian":
+        _refuse_no_error(design, X)
     model = _fit(design, X, family)
     effects = []
     for term, columns in place.items():
@@ -265,6 +277,18 @@ def _refuse_responses(design: Design, family: Family) -> None:
                 f"{LINK[family]} is infinite and the model cannot be estimated; leave the "
                 "condition out, or compare subject means"
             )
+
+
+def _refuse_no_error(design: Design, X: Array) -> None:
+    """Refuse scores of which people's levels and the effects leave nothing over."""
+    people = np.eye(design.n)[design.subject]
+    every = np.hstack([X, people])
+    left = design.y - every @ np.linalg.lstsq(every, design.y, rcond=None)[0]
+    if float(left @ left) <= 1e-20 * float(design.y @ design.y):
+        raise ConstantResponse(
+            f"{design.dv} does not vary within subjects beyond the effects, so F is not defined; "
+            f"{RANKS_NEED_NO_ERROR}"
+        )
 
 
 def _fit(design: Design, X: Array, family: Family) -> GeeModel:

@@ -11,6 +11,7 @@ from itertools import combinations, product
 from typing import Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
+import numpy.typing as npt
 from scipy import special
 
 from visavis.analysis.statistics.anova import Anova
@@ -21,6 +22,7 @@ from visavis.analysis.statistics.contrasts import (
     contrast_family,
     pair_labels,
     pair_matrix,
+    pairs_text,
 )
 from visavis.analysis.statistics.design import Design
 from visavis.analysis.statistics.effects import Tails, standardised_mean, tails_of
@@ -59,6 +61,9 @@ class CellModel(Protocol):
     def compare(self, C: Array) -> Comparison:
         """Return the sums of cells with weights C (m, cells), cells in the design's order."""
 
+    def varies(self, C: Array) -> npt.NDArray[np.bool_]:
+        """Tell of each of these sums whether it has an error to be tested against."""
+
     def error_of(self, C: Array) -> str:
         """Return the words for the error of these sums; empty where the model's own say it."""
 
@@ -96,6 +101,10 @@ class FixedEffects:
                 for e, s, d in zip(estimates, ses, dfs, strict=True)
             )
         return Comparison(estimates, covariance, dfs, effects)
+
+    def varies(self, C: Array) -> npt.NDArray[np.bool_]:
+        """Every sum does: a model without an error is refused when it is fitted."""
+        return np.ones(len(C), dtype=np.bool_)
 
     def error_of(self, C: Array) -> str:
         """Return the error's name, the same for all sums."""
@@ -138,15 +147,24 @@ class GroupCells:
         spread = away.T @ away / df
         of_groups = strata.group_covariance
         covariance = np.einsum("mgw,wv,lhv,gh->ml", weights, spread, weights, of_groups)
-        largest = float(np.abs(means).max()) ** 2
-        for i in np.flatnonzero(np.diag(covariance) <= NO_SPREAD * largest):
-            raise ConstantResponse(self._no_spread(weights[i]))
         ses = np.sqrt(np.diag(covariance))
         effects = tuple(
             _standardised(float(e), float(s), df, w, away)
             for e, s, w in zip(estimates, ses, weights, strict=True)
         )
         return Comparison(estimates, covariance, np.full(len(C), float(df)), effects)
+
+    def varies(self, C: Array) -> npt.NDArray[np.bool_]:
+        """Tell of each sum whether people differ in it, within their groups."""
+        if self.error != "own":
+            return np.ones(len(C), dtype=np.bool_)
+        strata = Strata(self.design, self.subject)
+        table = self.design.table(self.y).reshape(self.design.n, -1)
+        weights = C.reshape(len(C), self.design.group_sizes.size, -1)
+        # Sums of each person: from the covariance of cells more float noise would be left.
+        own = np.einsum("nw,mgw->mgn", strata.residuals(table), weights)
+        spread = np.einsum("mgn,gh,mhn->m", own, strata.group_covariance, own) / strata.df
+        return np.asarray(spread > NO_SPREAD * float(np.abs(table).max()) ** 2)
 
     def _of_strata(self, strata: Strata, weights: Array) -> tuple[Array, Array]:
         """Return covariance and Satterthwaite's df from the mean squares of the strata."""
@@ -190,14 +208,6 @@ class GroupCells:
             if np.abs(weights @ basis).max() > 1e-9
         ]
         return " and ".join(dict.fromkeys(names)) + ", pooled over levels"
-
-    def _no_spread(self, weights: Array) -> str:
-        if np.abs(weights.sum(axis=1)).max() < 1e-9:
-            return (
-                f"{self.design.dv} differs by the same amount between two conditions in all "
-                "subjects; t is not defined"
-            )
-        return f"{self.design.dv} does not vary within groups; t is not defined"
 
 
 def _standardised(
@@ -467,9 +477,23 @@ def _family(
     adjust: ContrastAdjustment,
     effects: Sequence[Effect | None] | None = None,
 ) -> Contrasts:
+    varies = model.varies(C)
+    notes = provenance.notes
+    if not varies.all():
+        alike = [one for one, has_error in zip(contrasts, varies, strict=True) if not has_error]
+        names_of = ", ".join(one if isinstance(one, str) else pairs_text(one) for one in alike)
+        problem = (
+            f"{names_of} not compared: {model.design.dv} differs by the same amount in all "
+            "subjects, so t has no error (tests of ranks need none)"
+        )
+        if not varies.any():
+            raise ConstantResponse(problem)
+        notes, C = (*notes, problem), C[varies]
+        contrasts = [one for one, has_error in zip(contrasts, varies, strict=True) if has_error]
+        if effects is not None:
+            effects = [one for one, has_error in zip(effects, varies, strict=True) if has_error]
     comparison = model.compare(C)
     ses = np.sqrt(np.diag(comparison.covariance))
-    notes = provenance.notes
     fit = model.model if isinstance(model, FixedEffects) else None
     if isinstance(fit, RandomIntercept) and fit.is_singular:
         notes = (*notes, "the random intercept has no variance (singular fit)")

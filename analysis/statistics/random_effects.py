@@ -8,7 +8,11 @@ from itertools import combinations
 import numpy as np
 
 from visavis.analysis.statistics.design import Codes, Design
-from visavis.analysis.statistics.errors import ConstantResponse, NotConverged
+from visavis.analysis.statistics.errors import (
+    RANKS_NEED_NO_ERROR,
+    ConstantResponse,
+    NotConverged,
+)
 from visavis.analysis.statistics.kenward_roger import kenward_roger_covariance, kenward_roger_df
 from visavis.analysis.statistics.results import Array
 
@@ -240,8 +244,7 @@ def fit_components(design: Design, X: Array, y: Array) -> LinearMixedModel:
     if theta[-1] < MIN_RESIDUAL_SHARE:
         raise ConstantResponse(
             f"{design.dv} does not vary within subjects beyond the effects, so F is not defined; "
-            "tests of ranks need no error (friedman, of two levels wilcoxon), but look for copied "
-            "or constructed rows first"
+            f"{RANKS_NEED_NO_ERROR}"
         )
     return model_at(X, y, design.subject, derivatives, names, theta * unit**2)
 

@@ -85,17 +85,19 @@ def wilcoxon_signed_rank(
     continuity: bool = False,
     level: float = 0.95,
     names: tuple[str, str] = ("x", "y"),
+    allow_equal: bool = False,
 ) -> SignedRank:
     """Test whether differences x − y are symmetric about zero; x alone may be the differences.
 
     "auto" is exact up to 100 non-zero pairs, then normal. "exact" is conditional on the ties
     present; "r" is what R's `wilcox.test` does by itself: exact below 50 pairs without ties or
     zeros, otherwise normal with continuity correction. `zeros` "wilcoxon" drops zero differences
-    before ranking, "pratt" after it.
+    before ranking, "pratt" after it. Samples that are equal throughout are refused, or with
+    `allow_equal`, for one of several comparisons, have p = 1 and an effect of 0 without interval.
     """
     first, second = paired(x, np.zeros(len(np.asarray(x))) if y is None else y, names=names)
     d = differences(first, second)
-    if not d.any():
+    if not d.any() and not allow_equal:
         raise ConstantResponse(
             f"{names[0]} and {names[1]} are equal in all {d.size} pairs; there is nothing to rank"
         )
@@ -122,7 +124,7 @@ def wilcoxon_signed_rank(
         zeros=zeros,
         effect=signed_rank_effect(d, level=level),
         r_pairs=abs(z) / float(np.sqrt(d.size)),
-        r_nonzero=abs(z) / float(np.sqrt(len(ranks))),
+        r_nonzero=abs(z) / float(np.sqrt(max(len(ranks), 1))),
         median_difference=float(np.median(d)),
         provenance=Provenance(
             "Wilcoxon signed-rank",
@@ -135,8 +137,8 @@ def wilcoxon_signed_rank(
 
 
 def signed_rank_effect(d: Array, *, level: float = 0.95) -> Effect:
-    """Return the matched rank-biserial correlation of differences, not all of them zero."""
-    return matched_rank_biserial(d[d != 0], level=level)
+    """Return the matched rank-biserial correlation of differences; 0 where all of them are."""
+    return matched_rank_biserial(d[d != 0], level=level) if d.any() else Effect("r_rb", 0.0)
 
 
 def _signed_ranks(d: Array, zeros: ZeroRule) -> tuple[Array, Array]:
@@ -167,6 +169,8 @@ def _decide(
 
 
 def _z(positive: float, ranks: Array, *, with_continuity: bool) -> float:
+    if ranks.size == 0:
+        return 0.0
     off = positive - ranks.sum() / 2
     if with_continuity:
         off -= np.sign(off) * 0.5

@@ -139,6 +139,28 @@ def test_of_more_levels_every_difference_expected_decides(
     assert status == verdict(compare, lifted).status
 
 
+def test_a_claim_about_levels_that_nothing_compared_is_undecided() -> None:
+    """Everybody has just 1 more on the left: t has no error, and "not shown" would be untrue."""
+    rows = pd.DataFrame(
+        {"participant": f"P{i:02d}", "place": place, "mood": 1.3 * i + add}
+        for i in range(12)
+        for place, add in (("left", 1.0), ("middle", 0.0), ("right", -5.0 + (i * 0.37) % 1))
+    )
+    levels = {"place": ("left", "middle", "right")}
+    for test, expects, status in (
+        ("rm", "left > middle", "undecided"),
+        ("rm", "left, middle > right", "found"),
+        ("", "left > middle > right", "found"),
+        ("", "middle > left", "reversed"),
+    ):
+        of = Compare("mood", within="place", test=test, expects=expects)
+        measures = {"mood": Measure("mood", "1", "Mood")}
+        answer = answer_claim(answer_comparison(of, rows, measures, levels, is_simulated=True))
+        assert status == answer.status
+        if status == "undecided":
+            assert "no test compared left with middle, see the notes" == answer.why_not
+
+
 def test_an_interaction_is_shown_only_in_its_direction() -> None:
     def closer(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
         both = factors["gaze"] == "directed" and factors["distance"] == "near"

@@ -23,7 +23,8 @@ class Difference:
     `value` is the difference of means over people with its interval, in the unit of the measure; of
     a Bradley–Terry model the odds of being preferred, of a test against a number the mean minus it,
     or the share of people above it. `sign` is +1 where the test itself points as expected, −1 where
-    the other way round, 0 where it says neither.
+    the other way round, 0 where it says neither. `is_tested` is False where the effect is
+    significant and nothing compared just these two.
     """
 
     greater: tuple[str, ...]
@@ -33,6 +34,7 @@ class Difference:
     interval: Interval | None
     sign: int
     is_significant: bool
+    is_tested: bool = True
 
     @property
     def is_contradictory(self) -> bool:
@@ -93,8 +95,10 @@ def _of_two_levels(
     value, interval = difference_of_means(finding, {factor: (greater, less)})
     if finding.compare.covariates and row.get("ci_low") is not None and "contrast" in row:
         value, interval = _as_adjusted(row, (greater, less))
+    is_tested = bool(row) or is_significant or not term.is_significant
+    sign = sign or _sign(value)
     return Difference(
-        (greater,), (less,), "difference", value, interval, sign or _sign(value), is_significant
+        (greater,), (less,), "difference", value, interval, sign, is_significant, is_tested
     )
 
 

@@ -9,6 +9,7 @@ import pytest
 from visavis.analysis.statistics import (
     SignedRank,
     compare_paired,
+    estimation_plot,
     tost_independent,
     tost_one_sample,
     tost_paired,
@@ -69,6 +70,82 @@ def test_a_test_that_needs_an_error_names_one_that_does_not(
     question = Question(test, dv="y", within=("level",), subject="person")
     with pytest.raises(ConstantResponse, match=said):
         answer(alike(levels), question)
+
+
+def one_pair_alike(by: float) -> pd.DataFrame:
+    """Return people who all differ by the same between b and a, and not between c and these."""
+    return pd.DataFrame(
+        {"person": f"s{i:02d}", "level": level, "y": 1.3 * i + add}
+        for i, chance in enumerate(
+            [0.3, -0.8, 1.1, 0.2, -0.4, 0.9, -1.2, 0.6, -0.1, 0.5, 1.4, -0.7]
+        )
+        for level, add in (("a", 0.0), ("b", by), ("c", 4.0 + chance))
+    )
+
+
+@pytest.mark.parametrize("by", [1.0, 0.0])
+@pytest.mark.parametrize("posthoc", ["holm", "tukey", "mvt"])
+def test_a_pair_without_spread_is_named_and_the_others_are_compared(
+    posthoc: str, by: float
+) -> None:
+    """Float noise for an error gave t = −94906265 and dz = −10¹⁵; none at all, no contrasts."""
+    question = Question("rm", dv="y", within=("level",), subject="person", posthoc=posthoc)
+    outcome = answer(one_pair_alike(by), question)
+
+    assert ["a − c", "b − c"] == [c["contrast"] for c in outcome.contrasts]
+    assert (
+        "a − b not compared: y differs by the same amount in all subjects, so t has no error "
+        "(tests of ranks need none)"
+    ) in outcome.notes
+
+
+@pytest.mark.parametrize("by", [1.0, 0.0])
+def test_of_conditions_of_which_two_differ_alike_ranks_decide(by: float) -> None:
+    question = Question("conditions", dv="y", within=("level",), subject="person")
+    outcome = answer(one_pair_alike(by), question)
+
+    assert "Friedman's test" == outcome.title
+    assert 0.001 > outcome.p()
+    step = next(s for s in map(str, outcome.path) if "Is there an error" in s)
+    assert "none between a and b → no, Friedman" in step
+    p = {(c["level_1"], c["level_2"]): c["p"] for c in outcome.contrasts}
+    assert (2 / 2**12 if by else 1.0) == p["a", "b"]
+    assert 0.01 > max(p["a", "c"], p["b", "c"])
+
+
+def test_equal_conditions_do_not_keep_others_from_being_ranked() -> None:
+    """Nobody erred in two of three conditions: Friedman found that and stopped at its pairs."""
+    question = Question("friedman", dv="y", within=("level",), subject="person")
+    outcome = answer(one_pair_alike(0.0), question)
+
+    equal = next(c for c in outcome.contrasts if (c["level_1"], c["level_2"]) == ("a", "b"))
+    assert (0.0, 0, 1.0, 0.0) == (equal["V"], equal["n_nonzero"], equal["p"], equal["effect_size"])
+    assert equal["effect_ci_low"] is None
+    assert "V = 0.0, z = 0.00, p = 1.000 (exact), r_rb = 0.00, n = 12 (12 zero)" in str(
+        outcome.contrast_sentences[0]
+    )
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (alike("ab"), "does not vary within subjects beyond the effects"),
+        (alike("abc"), "does not vary within subjects beyond the effects"),
+        (one_pair_alike(1.0), "some conditions by the same amount in all subjects"),
+        (one_pair_alike(0.0), "some conditions by the same amount in all subjects"),
+    ],
+)
+def test_estimating_equations_need_an_error_too(rows: pd.DataFrame, said: str) -> None:
+    """They gave F = −23582485321503640, p undefined, or an internal error."""
+    question = Question("gee", dv="y", within=("level",), subject="person")
+    with pytest.raises(ConstantResponse, match=f"{said}.* tests of ranks need no error"):
+        answer(rows, question)
+
+
+def test_a_difference_that_all_have_is_drawn_as_one_point() -> None:
+    columns = {name: group["y"].to_numpy() for name, group in one_pair_alike(1.0).groupby("level")}
+    _, lower = estimation_plot(columns).axes
+    assert "1\n[1, 1]" in [text.get_text() for text in lower.texts]
 
 
 def groups(small: int) -> Iterator[dict[str, Any]]:
