@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import combinations
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import pandas as pd
@@ -30,7 +30,12 @@ from visavis.analysis.statistics import (
 from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment
 from visavis.analysis.statistics.bayes import MEDIUM_SCALE, bayes_text, jzs_bayes_factor
 from visavis.analysis.statistics.equivalence import BoundUnit
-from visavis.analysis.statistics.errors import MissingValue, TooFewLevels, option_text
+from visavis.analysis.statistics.errors import (
+    ConstantResponse,
+    MissingValue,
+    TooFewLevels,
+    option_text,
+)
 from visavis.analysis.statistics.results import MINUS, Array, Row, p_text
 from visavis.analysis.statistics_report.factorial import RANK_WAYS, TestRun
 from visavis.analysis.statistics_report.outcome import Outcome, Question, Samples
@@ -43,6 +48,8 @@ from visavis.analysis.statistics_report.prepare import (
 )
 from visavis.analysis.statistics_report.table_file import DataTable
 from visavis.lab.errors import UsageError
+
+_Tested = TypeVar("_Tested")
 
 
 def columns_of(design: Design) -> dict[str, Array]:
@@ -59,12 +66,13 @@ def _paired_comparisons(table: DataTable, q: Question) -> Outcome:
     tidy = prepare(table, q)
     design = read(tidy, q)
     columns = columns_of(design)
-    comparisons = tuple(
-        compare_paired(
+    tested, untested = _each_pair(
+        columns,
+        lambda a, b: compare_paired(
             columns[a], columns[b], names=(a, b), alpha=q.decision.alpha, unit=q.wording.measured_in
-        )
-        for a, b in combinations(columns, 2)
+        ),
     )
+    comparisons = tuple(tested.values())
     if len(comparisons) > 1:
         way = q.adjustment("holm", RANK_WAYS)
         comparisons = correct_family(comparisons, cast(Adjustment, way))
@@ -81,22 +89,41 @@ def _paired_comparisons(table: DataTable, q: Question) -> Outcome:
         tidy,
         design,
         tuple(c.row() for c in comparisons),
-        tuple(c.sentence() for c in comparisons),
+        (*(c.sentence() for c in comparisons), *untested),
         path=tuple(path),
         notes=notes,
     )
+
+
+def _each_pair(
+    columns: Mapping[str, Array], test: Callable[[str, str], _Tested]
+) -> tuple[dict[tuple[str, str], _Tested], tuple[str, ...]]:
+    """Test all pairs of columns, and return sentences about those that cannot be.
+
+    One of several pairs without any spread does not keep the others from being tested.
+    """
+    tested: dict[tuple[str, str], _Tested] = {}
+    untested: list[str] = []
+    pairs = list(combinations(columns, 2))
+    for a, b in pairs:
+        try:
+            tested[a, b] = test(a, b)
+        except ConstantResponse as error:
+            if len(untested) + 1 == len(pairs):
+                raise
+            untested.append(f"{a} {MINUS} {b}: not compared; {error}.")
+    return tested, tuple(untested)
 
 
 def family(
     q: Question, columns: Mapping[str, Array], test: Callable[[str, str], Any]
 ) -> tuple[tuple[Row, ...], tuple[str, ...]]:
     """Test all pairs of columns; more than one pair is adjusted as a family."""
-    pairs = list(combinations(columns, 2))
-    tests = [test(a, b) for a, b in pairs]
-    way = q.adjustment("holm", RANK_WAYS) if len(tests) > 1 else "none"
-    all_p_adjusted = adjust_p([t.p for t in tests], cast(Adjustment, way)).tolist()
+    tests, untested = _each_pair(columns, test)
+    way = q.adjustment("holm", RANK_WAYS) if len(columns) > 2 else "none"
+    all_p_adjusted = adjust_p([t.p for t in tests.values()], cast(Adjustment, way)).tolist()
     rows, sentences = [], []
-    for (a, b), result, p in zip(pairs, tests, all_p_adjusted, strict=True):
+    for ((a, b), result), p in zip(tests.items(), all_p_adjusted, strict=True):
         sentence = f"{a} {MINUS} {b}: {result.sentence()}"
         row: dict[str, Any] = {"first": a, "second": b, **result.row()}
         if way != "none":
@@ -104,7 +131,7 @@ def family(
             row |= {"p_adjusted": p, "adjustment": way}
         rows.append(row)
         sentences.append(sentence + ".")
-    return tuple(rows), tuple(sentences)
+    return tuple(rows), (*sentences, *untested)
 
 
 def _t(table: DataTable, q: Question) -> Outcome:
@@ -128,7 +155,7 @@ def _t(table: DataTable, q: Question) -> Outcome:
     if q.between and q.model.equal_variances:
         notes = uneven_groups(design, "Welch's test, without equal_variances")
     if q.model.bayes:
-        pairs = list(combinations(columns.values(), 2))
+        pairs = [(columns[str(row["first"])], columns[str(row["second"])]) for row in rows]
         factors = [_bayes_factor(x, y, paired=bool(q.within)) for x, y in pairs]
         rows, sentences = _with_bayes(rows, sentences, factors)
         notes += (_BAYES_NOTE,) if q.within else (_BAYES_NOTE, "the Bayes factor is Student's t's")
@@ -156,11 +183,18 @@ def _bayes_factor(x: Array, y: Array, *, paired: bool) -> float:
 def _with_bayes(
     rows: tuple[Row, ...], sentences: tuple[str, ...], factors: list[float]
 ) -> tuple[tuple[Row, ...], tuple[str, ...]]:
-    """Return rows with a column BF10 and sentences with the Bayes factor at their end."""
+    """Return rows with a column BF10 and sentences with the Bayes factor at their end.
+
+    Sentences about pairs that were not tested, which have no row, come last and stay as they are.
+    """
     return (
         tuple({**row, "BF10": bf} for row, bf in zip(rows, factors, strict=True)),
-        tuple(
-            f"{s.rstrip('.')}, {bayes_text(bf)}." for s, bf in zip(sentences, factors, strict=True)
+        (
+            *(
+                f"{s.rstrip('.')}, {bayes_text(bf)}."
+                for s, bf in zip(sentences, factors, strict=False)
+            ),
+            *sentences[len(factors) :],
         ),
     )
 

@@ -95,7 +95,7 @@ def _of_two_levels(
     value, interval = difference_of_means(finding, {factor: (greater, less)})
     if finding.compare.covariates and row.get("ci_low") is not None and "contrast" in row:
         value, interval = _as_adjusted(row, (greater, less))
-    is_tested = bool(row) or is_significant or not term.is_significant
+    is_tested = bool(row) or is_significant or not (term.is_significant or "first" in term.row)
     sign = sign or _sign(value)
     return Difference(
         (greater,), (less,), "difference", value, interval, sign, is_significant, is_tested

@@ -126,6 +126,17 @@ def test_equal_conditions_do_not_keep_others_from_being_ranked() -> None:
     )
 
 
+@pytest.mark.parametrize("test", ["paired", "wilcoxon", "t", "sign"])
+def test_an_equal_pair_does_not_keep_other_pairs_from_being_tested(test: str) -> None:
+    question = Question(test, dv="y", within=("level",), subject="person", bayes=test == "t")
+    outcome = answer(one_pair_alike(0.0), question)
+
+    assert [("a", "c"), ("b", "c")] == [(r["first"], r["second"]) for r in outcome.rows]
+    assert 0.01 > max(r["p_adjusted"] for r in outcome.rows)
+    assert outcome.sentences[-1].startswith("a − b: not compared; ")
+    assert "nothing to" in outcome.sentences[-1]
+
+
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
