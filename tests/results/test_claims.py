@@ -161,6 +161,26 @@ def test_a_claim_about_levels_that_nothing_compared_is_undecided() -> None:
             assert "no test compared left with middle, see the notes" == answer.why_not
 
 
+@pytest.mark.parametrize("keywords", [{}, {"model": "lmm"}, {"within": ("far", "eyes")}])
+def test_levels_of_whole_and_decimal_numbers_are_tested_under_their_own_names(
+    keywords: dict[str, Any],
+) -> None:
+    """A table holds 0.5, 1 and 2 as 0.5, 1.0 and 2.0: no comparison over them was tested."""
+    rng = np.random.default_rng(4)
+    rows = pd.DataFrame(
+        {"participant": f"P{i:02d}", "far": far, "eyes": eyes, "mood": far + rng.normal(0, 0.2)}
+        for i in range(10)
+        for far in (0.5, 1.0, 2.0)
+        for eyes in ("averted", "directed")
+    )
+    levels: dict[str, tuple[Any, ...]] = {"far": (0.5, 1, 2), "eyes": ("averted", "directed")}
+    measures = {"mood": Measure("mood", "1", "Mood")}
+    of = Compare("mood", **{"within": "far", "expects": "far: 2 > 1 > 0.5", **keywords})
+    finding = answer_comparison(of, rows, measures, levels, is_simulated=True)
+    assert "" == finding.why_not
+    assert "found" == answer_claim(finding).status
+
+
 def test_an_interaction_is_shown_only_in_its_direction() -> None:
     def closer(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
         both = factors["gaze"] == "directed" and factors["distance"] == "near"
