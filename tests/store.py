@@ -54,5 +54,14 @@ class Store:
                 self.saved_s += float(made.read_text("utf-8").partition("\n")[0])
         return place / made.read_text("utf-8").partition("\n")[2]
 
+    def cache(self, name: str, alone: Path) -> Path:
+        """Return a folder to which all tests of a run add, as programs add to a cache.
+
+        Without a store it is below `alone`.
+        """
+        place = (alone if self.folder is None else self.folder) / name
+        place.mkdir(parents=True, exist_ok=True)
+        return place
+
 
 STORE = Store()

@@ -12,6 +12,7 @@ import pytest
 
 from tests.faults.sessions import TIMING
 from tests.running.test_every_study import on_kit, request_for
+from tests.store import STORE
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DeviceError, LabError, SessionAborted
@@ -57,7 +58,9 @@ def met_in_trials(reference: str, root: Path, how: str, **variables: Path) -> li
 def test_trials_meet_nothing_new_even_where_nothing_is_kept_yet(study: str, tmp_path: Path) -> None:
     # Machine code that is kept is opened by the trial that needs it first: nobody need compile it
     # anew to show that. The waves of waving are made where nothing is kept.
-    empty = {"XDG_CACHE_HOME": tmp_path / "kept"}
+    # Pairs of gestures are of films that the other study of them shows one by one.
+    films_of = {"gesture_pairs": "gestures"}.get(study, study)
+    empty = {"XDG_CACHE_HOME": STORE.cache(f"first trials of {films_of}", tmp_path)}
     if find_study(study).experiment({}).lives:
         pytest.skip("a page alone shows its figures")
     assert [] == met_in_trials(study, tmp_path / study, "ready", **empty)

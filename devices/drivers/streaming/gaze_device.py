@@ -24,7 +24,7 @@ from visavis.lab.errors import DeviceError, DeviceTimeout
 from visavis.lab.geometry import Vector
 
 COMMAND_TIMEOUT_S = 2.0
-RECENT_S = 1.5
+RECENT_S = 2.5
 """How far back eyes that are hardly seen are looked for."""
 
 

@@ -21,6 +21,7 @@ from tests.running.page.test_browser import (
     until,
 )
 from tests.running.page.test_heard_in_browser import digits_of
+from tests.store import STORE
 from visavis.lab.clock import NS_PER_MS, StopWatch
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
@@ -54,7 +55,7 @@ __all__ = ["server"]  # the fixture
 @pytest.fixture(scope="module")
 def film_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where the films of both studies lie: the pair is of those that the first one shows alone."""
-    return tmp_path_factory.mktemp("films")
+    return STORE.cache("first trials of gestures", tmp_path_factory.mktemp("films"))
 
 
 @pytest.fixture
