@@ -23,6 +23,7 @@ from visavis.results.family_tests import (
     TestRules,
     compare_pairs,
     results_of,
+    with_level_names,
 )
 from visavis.results.findings import Finding, Term
 from visavis.results.planned_tests import primary_tests
@@ -376,10 +377,7 @@ def answer_comparison(
         return Finding(compare, measure, None, (), why)
     if compare.test in AGREEMENT:
         frame, notes = _agreement_rows(compare, frame)
-    # Tables hold the levels 0.5, 1 and 2 as 0.5, 1.0 and 2.0.
-    for name in factors:
-        declared_names = {level: str(level) for level in levels[name]}
-        frame[name] = [declared_names.get(value, value) for value in frame[name]]
+    frame = with_level_names(frame, factors, levels)
     question = compare.question(
         {f: tuple(map(str, levels[f])) for f in factors},
         level_words=level_words,

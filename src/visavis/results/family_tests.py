@@ -499,6 +499,20 @@ def _of_means(differences: npt.NDArray[np.float64], level: float) -> Interval:
     return Interval(middle - half, middle + half, level)
 
 
+def with_level_names(
+    rows: pd.DataFrame, names: Iterable[str], levels: Mapping[str, Sequence[Any]]
+) -> pd.DataFrame:
+    """Return rows whose factors and derived columns have the names of levels like 0.5, 1 and 2:
+    tables hold them as 0.5, 1.0 and 2.0, which no test knew by name.
+    """
+    columns: dict[str, list[Any]] = {}
+    for name in names:
+        name_of = {level: str(level) for level in levels[name]}
+        if len(set(map(type, name_of))) > 1:
+            columns[name] = [name_of.get(value, value) for value in rows[name]]
+    return rows.assign(**columns) if columns else rows
+
+
 def compare_pairs(
     of: Pairs,
     trials: pd.DataFrame,
@@ -520,7 +534,9 @@ def compare_pairs(
     possible = [pair for pair in of.levels if there >= set(pair)]
     sizes = {"measures": len(family_measures), "levels": len(possible), "each": len(places)}
     n_tests = int(np.prod([sizes[name] for name in of.shared]))
-    means = aggregate_cells(trials, family_measures, [of.factor, *([of.each] if of.each else [])])
+    names = (of.factor, *((of.each,) if of.each else ()))
+    named_trials = with_level_names(trials, names, levels)
+    means = aggregate_cells(named_trials, family_measures, list(names))
     tests = []
     for place in places:
         here = means[means[of.each].astype(str) == place] if of.each else means
@@ -631,7 +647,8 @@ def results_of(
     """Make every test of a family: pairs of levels, or correlations with a score."""
     if isinstance(of, Pairs):
         return compare_pairs(of, trials, measures, levels, rules)
-    means = aggregate_cells(trials, [measures[name] for name in of.measures], [of.factor])
+    named_trials = with_level_names(trials, [of.factor], levels)
+    means = aggregate_cells(named_trials, [measures[name] for name in of.measures], [of.factor])
     return correlate(of, means, scores_of(people, of.score), measures, levels[of.factor], rules)
 
 

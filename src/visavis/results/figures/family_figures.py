@@ -1,7 +1,8 @@
 """Figures of families of tests: levels, their differences, measures against a score."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import ceil
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -24,7 +25,7 @@ from visavis.analysis.plots.panels import (
 from visavis.analysis.report.notation import count_of, fraction, probability, threshold
 from visavis.analysis.statistics.ranks import average_ranks
 from visavis.results.analysis import StudyAnalysis
-from visavis.results.family_tests import scores_of
+from visavis.results.family_tests import scores_of, with_level_names
 from visavis.results.figures.study_figures import (
     COLOURS,
     data_of_cells,
@@ -157,12 +158,16 @@ def _grid(
 
 
 def _values(
-    trials: pd.DataFrame, factor: str, measure: Measure, of: Sequence[str]
+    trials: pd.DataFrame,
+    factor: str,
+    measure: Measure,
+    of: Sequence[str],
+    levels: Mapping[str, Sequence[Any]],
 ) -> tuple[Values, list[str]]:
     """Return a measure, one row per participant and one column per level, NaN where missing, and
     whose the rows are.
     """
-    means = aggregate_cells(trials, [measure], [factor])
+    means = aggregate_cells(with_level_names(trials, [factor], levels), [measure], [factor])
     means[factor] = means[factor].astype(str)
     if measure.column not in means or means.empty:
         return np.empty((0, len(of))), []
@@ -180,7 +185,7 @@ def _published_means(
 def _levels(axes: Axes, analysis: StudyAnalysis, of: Pairs, measure: Measure) -> None:
     levels = [str(v) for v in analysis.levels[of.factor]]
     colours = [COLOURS[i % len(COLOURS)] for i in range(len(levels))]
-    table, people = _values(analysis.selection.counted, of.factor, measure, levels)
+    table, people = _values(analysis.selection.counted, of.factor, measure, levels, analysis.levels)
     paired_lines(axes, table, levels, colours, people=people)
     outside = trials_of_who_is_out(analysis)
     published_means = _published_means(analysis, measure)
@@ -189,9 +194,9 @@ def _levels(axes: Axes, analysis: StudyAnalysis, of: Pairs, measure: Measure) ->
             published_mark(axes, x + 0.26, *published_means[level])
     axes.set_ylabel(in_lines(measure.axis, 30))
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    left_out_lines(axes, *_values(outside, of.factor, measure, levels))
+    left_out_lines(axes, *_values(outside, of.factor, measure, levels, analysis.levels))
     besides = trials_with_left_out(analysis)
-    left_out_lines(axes, *_values(besides, of.factor, measure, levels), kind=ALL)
+    left_out_lines(axes, *_values(besides, of.factor, measure, levels, analysis.levels), kind=ALL)
 
 
 def _offs(axes: Axes, analysis: StudyAnalysis, family: str, measure: Measure, panel: int) -> None:
@@ -201,7 +206,9 @@ def _offs(axes: Axes, analysis: StudyAnalysis, family: str, measure: Measure, pa
     people: list[str] = []
     for j, test in enumerate(tests):
         pair = (test.first, test.second)
-        table, people = _values(analysis.selection.counted, test.of.factor, measure, pair)
+        table, people = _values(
+            analysis.selection.counted, test.of.factor, measure, pair, analysis.levels
+        )
         columns.append(table[:, 0] - table[:, 1])
         name = f"{test.first} − {test.second} {test.stars:<3}"
         labels.append(name if panel % COLUMNS == 0 else test.stars)
@@ -232,7 +239,8 @@ def _score_panels(analysis: StudyAnalysis, of: Correlate, measure: Measure) -> F
     figure = new_figure(2.4 * max(len(levels), 2), 5.4)
     grid = figure.subplots(2, len(levels), sharey="row", sharex="row", squeeze=False)
     scores = scores_of(analysis.people, of.score)
-    means = aggregate_cells(analysis.selection.counted, [measure], [of.factor])
+    trials = with_level_names(analysis.selection.counted, [of.factor], analysis.levels)
+    means = aggregate_cells(trials, [measure], [of.factor])
     for j, level in enumerate(levels):
         top, bottom = grid[0, j], grid[1, j]
         here = means[means[of.factor].astype(str) == level].set_index("participant")
