@@ -484,18 +484,8 @@ class GazeObserver:
         if batch is None or until_ns is None or batch.t_host_ns[-1] <= until_ns:
             return batch
         n = int(np.searchsorted(np.maximum.accumulate(batch.t_host_ns), until_ns, side="right"))
-        self._inbox.append(_part(batch, n, len(batch)))
-        return _part(batch, 0, n) if n else None
-
-
-def _part(batch: SampleBatch, first: int, end: int) -> SampleBatch:
-    return SampleBatch(
-        batch.schema,
-        batch.seq[first:end],
-        batch.t_device_ns[first:end],
-        batch.t_host_ns[first:end],
-        batch.values[first:end],
-    )
+        self._inbox.append(batch.part(n, len(batch)))
+        return batch.part(0, n) if n else None
 
 
 def _one_batch_of(batches: Sequence[SampleBatch]) -> SampleBatch | None:

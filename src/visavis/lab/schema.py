@@ -102,6 +102,12 @@ class SampleBatch:
     def __len__(self) -> int:
         return int(self.seq.shape[0])
 
+    def part(self, first: int, end: int) -> "SampleBatch":
+        """Return the rows `first` up to, and without, `end`."""
+        rows = slice(first, end)
+        stamps = self.seq[rows], self.t_device_ns[rows], self.t_host_ns[rows]
+        return SampleBatch(self.schema, *stamps, self.values[rows])
+
 
 def empty_values(schema: StreamSchema, n: int) -> npt.NDArray[np.void]:
     """Return n zeroed samples of a stream, to be filled column by column."""

@@ -276,8 +276,8 @@ class Recorder:
             due_ns = (stream.oldest_t_host_ns if is_held else int(arrivals_ns[0])) + max_batch_ns
             end = int(np.argmax(arrivals_ns >= due_ns)) + 1 if arrivals_ns.max() >= due_ns else n
             if end < n:
-                self._hold(stream, _part_of(batch, 0, end), end, int(arrivals_ns[end - 1]))
-                self._hold(stream, _part_of(batch, end, n), n - end, latest_ns)
+                self._hold(stream, batch.part(0, end), end, int(arrivals_ns[end - 1]))
+                self._hold(stream, batch.part(end, n), n - end, latest_ns)
                 return
         stream.hold(batch, n, latest_ns)
         if latest_ns - stream.oldest_t_host_ns >= max_batch_ns:
@@ -424,14 +424,3 @@ class Recorder:
                 self._stopping = True
                 self._wake.notify_all()
             self._thread.join()
-
-
-def _part_of(batch: SampleBatch, first: int, end: int) -> SampleBatch:
-    """Return the rows `first` to `end` of a batch."""
-    return SampleBatch(
-        batch.schema,
-        batch.seq[first:end],
-        batch.t_device_ns[first:end],
-        batch.t_host_ns[first:end],
-        batch.values[first:end],
-    )
