@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -51,8 +52,14 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let costs choose the tier of each test."""
+    """Let costs choose the tier of each test, and whatever tests begin be interrupted.
+
+    A run in the background of a shell ignores interruptions, and so would every process that it
+    begins.
+    """
     tiers.install(config)
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session", autouse=True)
