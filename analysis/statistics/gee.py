@@ -85,13 +85,13 @@ def hotelling(L: Array, beta: Array, covariance: Array, df: int) -> tuple[float,
             f"a test of {q} coefficients needs more than {q} subjects beyond the groups"
         )
     estimate = L @ beta
-    tested = L @ covariance @ L.T
-    if np.linalg.eigvalsh(tested)[0] <= NO_ERROR * float(np.diag(covariance).max()):
+    contrast_covariance = L @ covariance @ L.T
+    if np.linalg.eigvalsh(contrast_covariance)[0] <= NO_ERROR * float(np.diag(covariance).max()):
         raise ConstantResponse(
             "responses differ between some conditions by the same amount in all subjects, so F has "
             f"no error and is not defined; {RANKS_NEED_NO_ERROR}"
         )
-    wald = float(estimate @ np.linalg.solve(tested, estimate))
+    wald = float(estimate @ np.linalg.solve(contrast_covariance, estimate))
     return wald * df2 / (df * q), float(df2)
 
 

@@ -49,7 +49,7 @@ from visavis.analysis.statistics_report.prepare import (
 from visavis.analysis.statistics_report.table_file import DataTable
 from visavis.lab.errors import UsageError
 
-_Tested = TypeVar("_Tested")
+_Result = TypeVar("_Result")
 
 
 def columns_of(design: Design) -> dict[str, Array]:
@@ -66,13 +66,13 @@ def _paired_comparisons(table: DataTable, q: Question) -> Outcome:
     tidy = prepare(table, q)
     design = read(tidy, q)
     columns = columns_of(design)
-    tested, untested = _each_pair(
+    results, reasons = _each_pair(
         columns,
         lambda a, b: compare_paired(
             columns[a], columns[b], names=(a, b), alpha=q.decision.alpha, unit=q.wording.measured_in
         ),
     )
-    comparisons = tuple(tested.values())
+    comparisons = tuple(results.values())
     if len(comparisons) > 1:
         way = q.adjustment("holm", RANK_WAYS)
         comparisons = correct_family(comparisons, cast(Adjustment, way))
@@ -89,37 +89,37 @@ def _paired_comparisons(table: DataTable, q: Question) -> Outcome:
         tidy,
         design,
         tuple(c.row() for c in comparisons),
-        (*(c.sentence() for c in comparisons), *untested),
+        (*(c.sentence() for c in comparisons), *reasons),
         path=tuple(path),
         notes=notes,
     )
 
 
 def _each_pair(
-    columns: Mapping[str, Array], test: Callable[[str, str], _Tested]
-) -> tuple[dict[tuple[str, str], _Tested], tuple[str, ...]]:
+    columns: Mapping[str, Array], test: Callable[[str, str], _Result]
+) -> tuple[dict[tuple[str, str], _Result], tuple[str, ...]]:
     """Test all pairs of columns, and return sentences about those that cannot be.
 
     One of several pairs without any spread does not keep the others from being tested.
     """
-    tested: dict[tuple[str, str], _Tested] = {}
-    untested: list[str] = []
+    results: dict[tuple[str, str], _Result] = {}
+    reasons: list[str] = []
     pairs = list(combinations(columns, 2))
     for a, b in pairs:
         try:
-            tested[a, b] = test(a, b)
+            results[a, b] = test(a, b)
         except ConstantResponse as error:
-            if len(untested) + 1 == len(pairs):
+            if len(reasons) + 1 == len(pairs):
                 raise
-            untested.append(f"{a} {MINUS} {b}: not compared; {error}.")
-    return tested, tuple(untested)
+            reasons.append(f"{a} {MINUS} {b}: not compared; {error}.")
+    return results, tuple(reasons)
 
 
 def family(
     q: Question, columns: Mapping[str, Array], test: Callable[[str, str], Any]
 ) -> tuple[tuple[Row, ...], tuple[str, ...]]:
     """Test all pairs of columns; more than one pair is adjusted as a family."""
-    tests, untested = _each_pair(columns, test)
+    tests, reasons = _each_pair(columns, test)
     way = q.adjustment("holm", RANK_WAYS) if len(columns) > 2 else "none"
     all_p_adjusted = adjust_p([t.p for t in tests.values()], cast(Adjustment, way)).tolist()
     rows, sentences = [], []
@@ -131,7 +131,7 @@ def family(
             row |= {"p_adjusted": p, "adjustment": way}
         rows.append(row)
         sentences.append(sentence + ".")
-    return tuple(rows), (*sentences, *untested)
+    return tuple(rows), (*sentences, *reasons)
 
 
 def _t(table: DataTable, q: Question) -> Outcome:

@@ -207,7 +207,7 @@ def test_random_sessions_never_break_the_pump(tracker, seed):
 
 
 def test_gaze_left_for_later_is_that_of_every_frame(tracker):
-    def performed(*, may_wait):
+    def perform(*, may_wait):
         rig = GazeRig(*tracker, seed=3, body=Observer(2, 5)).start().run(0.5)
         before = len(rig.batches)
         for _ in range(3):
@@ -215,7 +215,7 @@ def test_gaze_left_for_later_is_that_of_every_frame(tracker):
             rig.pump.step()
         return rig, len(rig.batches) - before
 
-    (each, of_each), (seldom, of_seldom) = performed(may_wait=False), performed(may_wait=True)
+    (each, of_each), (seldom, of_seldom) = perform(may_wait=False), perform(may_wait=True)
 
     assert of_seldom <= 3 < 60 < of_each
     n = min(len(each.stamps("seq")), len(seldom.stamps("seq")))  # a question may take its time

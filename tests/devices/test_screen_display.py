@@ -180,7 +180,7 @@ def _rows(batches, name):
 
 
 def test_frames_that_pass_together_are_those_one_waits_for():
-    def performed(*, together):
+    def perform(*, together):
         clock = SimClock(1_234_567)
         screen, batches = streaming(clock)
         screen.seat(before_screen(Observer(2, 5), PLACE))
@@ -197,8 +197,8 @@ def test_frames_that_pass_together_are_those_one_waits_for():
         return frames[-2:], clock.now_ns(), batches
 
     (each, each_ns, of_each), (last, last_ns, of_last) = (
-        performed(together=False),
-        performed(together=True),
+        perform(together=False),
+        perform(together=True),
     )
     assert each == last
     assert each_ns == last_ns

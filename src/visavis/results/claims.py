@@ -55,8 +55,8 @@ def answer_claim(finding: Finding) -> ClaimAnswer:
         )
     if outcome.doubts(term.name):
         return ClaimAnswer("undecided", differences)
-    if untested := [f"{d.greater[0]} with {d.less[0]}" for d in differences if not d.is_tested]:
-        why_not = f"no test compared {' and '.join(untested)}, see the notes"
+    if pairs := [f"{d.greater[0]} with {d.less[0]}" for d in differences if not d.is_tested]:
+        why_not = f"no test compared {' and '.join(pairs)}, see the notes"
         return ClaimAnswer("undecided", differences, why_not)
     significant = [d for d in differences if d.is_significant]
     if any(d.is_contradictory for d in significant):
