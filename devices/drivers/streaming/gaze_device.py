@@ -12,7 +12,12 @@ import numpy.typing as npt
 
 from visavis.devices.contracts import GAZE, CalibrationOutcome, ClockPair, DeviceState, Fault
 from visavis.devices.drivers.streaming.exchange_log import ExchangeLog
-from visavis.devices.drivers.streaming.gaze_findings import SeenEyes, eye_faults, stream_faults
+from visavis.devices.drivers.streaming.gaze_findings import (
+    SeenEyes,
+    eye_faults,
+    recent_samples,
+    stream_faults,
+)
 from visavis.devices.drivers.streaming.gaze_rays import Sample, rows_to_values
 from visavis.devices.drivers.streaming.stream_device import StreamDevice
 from visavis.devices.drivers.streaming.wire_thread import WireThread
@@ -24,8 +29,6 @@ from visavis.lab.errors import DeviceError, DeviceTimeout
 from visavis.lab.geometry import Vector
 
 COMMAND_TIMEOUT_S = 2.0
-RECENT_S = 2.5
-"""How far back eyes that are hardly seen are looked for."""
 
 
 class SampleNumbers:
@@ -243,7 +246,7 @@ class GazeDevice(StreamDevice[Sample]):
     def _reset(self, now_ns: int) -> None:
         super()._reset(now_ns)
         self._jumps_ms = []
-        self._recent = SeenEyes(round(RECENT_S * self._schema.nominal_rate_hz))
+        self._recent = SeenEyes(recent_samples(self._schema.nominal_rate_hz))
         self._numbers = SampleNumbers(round(10 * self._schema.nominal_rate_hz))
         self._asked_ns = None
         self._next_exchange_ns = now_ns

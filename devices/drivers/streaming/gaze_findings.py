@@ -9,6 +9,15 @@ from visavis.devices.meter import StreamMeter
 ANSWERS_MISSED_S = 3.0
 EYES_LOST_BELOW_01 = 0.1
 MIN_SAMPLES = 20
+RECENT_S = 2.5
+"""How far back eyes that are hardly seen are looked for."""
+
+
+def recent_samples(rate_hz: float) -> int:
+    """Return how many samples are looked back over: enough to judge by at slow and unknown rates
+    (0), too.
+    """
+    return max(MIN_SAMPLES, round(RECENT_S * rate_hz))
 
 
 class SeenEyes:
