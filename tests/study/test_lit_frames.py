@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from visavis.protocol.plan.steps import Unchanged
+from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.film_pictures import FilmPictures
 from visavis.study.lit_frames import LitFrames
+from visavis.study.scenes import StagedFlat
 
 T_NS = [16_666_666, 33_333_333, 50_000_000, 66_666_666]
 NOBODY = np.zeros((4, 3))
@@ -56,3 +58,13 @@ def test_what_may_change_by_itself_tells_nothing_ahead_until_it_is_dark() -> Non
     assert frames.ahead(T_NS, NOBODY) is None
     frames.is_lit = False
     assert frames.ahead(T_NS, NOBODY) is not None
+
+
+def test_a_flat_scene_of_a_class_with_frames_of_its_own_does_not_stay() -> None:
+    class Blinking(StagedFlat):
+        def frame(self, view: Any, elapsed_ns: int) -> None:
+            return None
+
+    scene = FlatScene("flat", ())
+    assert StagedFlat(scene).stays
+    assert not Blinking(scene).stays

@@ -481,8 +481,11 @@ class StagedFlat:
 
     @property
     def stays(self) -> bool:
-        """Whether neither gaze nor keys change what a frame shows."""
-        return self.scene.gaze_window is None and self.scene.panorama is None
+        """Whether neither gaze nor keys change what a frame shows, nor a class that says so itself
+        frame by frame.
+        """
+        follows = self.scene.gaze_window is not None or self.scene.panorama is not None
+        return not follows and type(self).frame is StagedFlat.frame
 
     def open_films(self, view: FrameView) -> None:
         """Decode the first pictures of films, as large as they will stand there."""
