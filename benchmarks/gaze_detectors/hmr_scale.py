@@ -23,7 +23,7 @@ from visavis.lab.geometry import angle_deg
 MS_A_DEGREE = 2.2
 AMPLITUDES = ((0.02, 0.4), (0.03, 0.25), (0.02, 0.2), (0.05, 0.4))
 """Ranges of amplitudes in widths of the picture: smaller ones are noise, larger ones few."""
-LONGEST_MS = 200.0
+MAX_SACCADE_MS = 200.0
 
 
 def saccades_of(recordings: Sequence[Recording]) -> Iterator[tuple[float, float]]:
@@ -35,7 +35,11 @@ def saccades_of(recordings: Sequence[Recording]) -> Iterator[tuple[float, float]
         for first, end in runs_of(labelling.movement == Movement.SACCADE):
             lasts_ms = (end - first) * 1000.0 / HMR_RATE_HZ
             rays = recording.direction[first - 1 : end + 1] if first else np.empty((0, 3))
-            if len(rays) == end - first + 2 and np.isfinite(rays).all() and lasts_ms <= LONGEST_MS:
+            if (
+                len(rays) == end - first + 2
+                and np.isfinite(rays).all()
+                and lasts_ms <= MAX_SACCADE_MS
+            ):
                 yield float(angle_deg(rays[0], rays[-1])) / HMR_DEG, lasts_ms
 
 
