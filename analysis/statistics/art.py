@@ -120,10 +120,20 @@ def art_anova(
     scores = normal_scores(design.y)
     plain = dict.fromkeys(aligned, scores)
     own_columns, other = (ranks, plain) if transform == "art" else (plain, ranks)
-    effects = _effects(design, own_columns, name, error, correction, ddf, random)
-    second = _p_values(design, other, name, error, correction, ddf, random)
+    strata = Strata(design, name) if design.is_complete else None
+    if error == "mixed" or strata is None:
+        effects = _mixed(design, own_columns, ddf, random)
+        second = {e.name: e.p_used for e in _mixed(design, other, ddf, random)}
+    else:
+        rule = correction if error == "strata" else "none"
+        effects = tuple(
+            effect_of_stratum(s, design, rule, total_error=None)
+            for s in _tests(strata, design, own_columns, error)
+        )
+        tests = _tests(strata, design, other, error)
+        second = {":".join(s.term): p_of_stratum(s, design, rule) for s in tests}
     # Reasons not to trust the result: leaks of alignment, skew, a verdict that depends on ranks.
-    check = alignment_check(design, aligned)
+    check = _alignment_check(strata, design, aligned)
     skew = residual_skewness(design)
     notes = _notes(design, effects, second, check, skew, transform, alpha)
     provenance = Provenance(
@@ -196,13 +206,14 @@ def normal_scores(y: Array) -> Array:
     return scores
 
 
-def alignment_check(design: Design, columns: Mapping[str, Array]) -> AlignmentCheck:
+def _alignment_check(
+    strata: Strata | None, design: Design, columns: Mapping[str, Array]
+) -> AlignmentCheck:
     """Check aligned columns: sums, and the largest F of an effect they should not hold."""
     sums = {term: float(column.sum()) for term, column in columns.items()}
     largest = 0.0
-    strata = Strata(design, "subject") if design.is_complete else None
     for of, column in columns.items():
-        if float(np.ptp(column)) == 0:
+        if column.max() == column.min():
             continue
         if strata is not None:
             table = design.table(column)
@@ -223,52 +234,22 @@ def _f(s: Stratum) -> float:
     return (s.ss / s.df1) / (s.ss_error / s.df2) if s.ss_error > 0 else float("inf")
 
 
-def _effects(
-    design: Design,
-    columns: Mapping[str, Array],
-    subject: str,
-    error: ArtError,
-    correction: Correction,
-    ddf: Ddf,
-    random: RandomPart,
+def _mixed(
+    design: Design, columns: Mapping[str, Array], ddf: Ddf, random: RandomPart
 ) -> tuple[AnovaEffect, ...]:
-    if error == "mixed":
-        return tuple(
-            next(e for e in mixed_effects(design, column, ddf=ddf, random=random, only=term))
-            for term, column in _by_term(design, columns)
-        )
     return tuple(
-        effect_of_stratum(s, design, correction if error == "strata" else "none", total_error=None)
-        for s in _strata(design, columns, subject, error)
+        next(e for e in mixed_effects(design, column, ddf=ddf, random=random, only=term))
+        for term, column in _by_term(design, columns)
     )
-
-
-def _p_values(
-    design: Design,
-    columns: Mapping[str, Array],
-    subject: str,
-    error: ArtError,
-    correction: Correction,
-    ddf: Ddf,
-    random: RandomPart,
-) -> dict[str, float]:
-    """Return the p to report of every term."""
-    if error == "mixed":
-        effects = _effects(design, columns, subject, error, "none", ddf, random)
-        return {e.name: e.p_used for e in effects}
-    rule = correction if error == "strata" else "none"
-    tests = _strata(design, columns, subject, error)
-    return {":".join(s.term): p_of_stratum(s, design, rule) for s in tests}
 
 
 def _by_term(design: Design, columns: Mapping[str, Array]) -> list[tuple[tuple[str, ...], Array]]:
     return [(term, columns[":".join(term)]) for term in design.terms]
 
 
-def _strata(
-    design: Design, columns: Mapping[str, Array], subject: str, error: ArtError
+def _tests(
+    strata: Strata, design: Design, columns: Mapping[str, Array], error: ArtError
 ) -> list[Stratum]:
-    strata = Strata(design, subject)
     tests = []
     within = {f.name for f in design.within}
     for term, column in _by_term(design, columns):

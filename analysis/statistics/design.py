@@ -76,17 +76,17 @@ class Design:
     covariates: Mapping[str, Array] = field(default_factory=dict)
     """Numbers of subjects by name, each (n,), which the model holds constant."""
 
-    @property
+    @cached_property
     def within(self) -> tuple[Factor, ...]:
         """The factors that vary within a subject."""
         return tuple(f for f in self.factors if f.is_within)
 
-    @property
+    @cached_property
     def between(self) -> tuple[Factor, ...]:
         """The factors that vary between subjects."""
         return tuple(f for f in self.factors if not f.is_within)
 
-    @property
+    @cached_property
     def n(self) -> int:
         """Number of subjects."""
         return len(self.subjects)

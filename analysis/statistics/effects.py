@@ -1,5 +1,6 @@
 """Effect sizes with noncentral intervals, widened for long tails, or named approximate ones."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -81,10 +82,10 @@ def widened(
         return low, high
     together = max(0.0, -np.sign(value) * tails.skewness) * share
     error = 1 + share**2 * (tails.kurtosis + 2) / 4 + together
-    wider = float(np.sqrt(error / (1 + share**2 / 2)))
+    wider = math.sqrt(error / (1 + share**2 / 2))
     outward = 1 + AWAY_FROM_ZERO * (wider - 1)
     below, above = (wider, outward) if value >= 0 else (outward, wider)
-    centre = float(np.clip(value, low, high))
+    centre = min(max(value, low), high)
     ends = centre - below * (centre - low), centre + above * (high - centre)
     return max(ends[0], 0.0) if low > 0 else ends[0], min(ends[1], 0.0) if high < 0 else ends[1]
 
@@ -199,7 +200,8 @@ def _roots_of_odds(shares: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def _root_odds(share: float) -> float:
-    return float(_roots_of_odds(np.array([share]))[0])
+    inside = min(max(share, 0.0), 1 - 1e-6)
+    return math.sqrt(inside / (1 - inside))
 
 
 def _share_of_root_odds(root: float) -> float:

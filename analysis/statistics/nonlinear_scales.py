@@ -22,6 +22,14 @@ def nonlinear_scale_interactions(
     design: Design, effects: Iterable[AnovaEffect], alpha: float
 ) -> Iterator[str]:
     """Name significant interactions of significant factors on a bounded or skewed response."""
+    significant_terms = [e.term for e in effects if e.p_used < alpha]
+    made_of_others = [
+        term
+        for term in significant_terms
+        if len(term) > 1 and all((name,) in significant_terms for name in term)
+    ]
+    if not made_of_others:
+        return
     shares = (design.y == design.y.min()).mean(), (design.y == design.y.max()).mean()
     if max(shares) >= BOUND_SHARE:
         why = f"{max(shares):.0%} of responses stand at a bound"
@@ -29,11 +37,9 @@ def nonlinear_scale_interactions(
         why = "residuals are skewed"
     else:
         return
-    significant_terms = [e.term for e in effects if e.p_used < alpha]
-    for term in significant_terms:
-        if len(term) > 1 and all((name,) in significant_terms for name in term):
-            yield (
-                f"{':'.join(term)}: {why} and its factors have effects of their own, which make an "
-                f"interaction by themselves on such a scale; {NO_CLAIM} "
-                "(visavis stats --error-rate shows how often that happens in data like these)"
-            )
+    for term in made_of_others:
+        yield (
+            f"{':'.join(term)}: {why} and its factors have effects of their own, which make an "
+            f"interaction by themselves on such a scale; {NO_CLAIM} "
+            "(visavis stats --error-rate shows how often that happens in data like these)"
+        )

@@ -1,5 +1,6 @@
 """Sphericity: Mauchly's test, Greenhouse-Geisser and Huynh-Feldt."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,21 +48,23 @@ def sphericity(errors: Array, df: int, F: float, df1: int, *, n_cells: int) -> S
     """
     q = errors.shape[1]
     S = errors.T @ errors / df
-    eigenvalues = np.linalg.eigvalsh(S)
-    gg = float(eigenvalues.sum() ** 2 / (q * (eigenvalues**2).sum()))
+    # A handful of numbers: Python's own arithmetic costs less than calls for arrays.
+    eigenvalues: list[float] = np.linalg.eigvalsh(S).tolist()
+    gg = sum(eigenvalues) ** 2 / (q * sum(value**2 for value in eigenvalues))
     hf = ((df + 1) * q * gg - 2) / (q * (df - q * gg)) if df > q * gg else float("inf")
     df2 = df * q
     hf_used = min(1.0, hf)
     W = p = p_r = None
     if df >= q and eigenvalues[0] > 1e-12 * eigenvalues[-1]:
-        W = float(np.exp(np.log(eigenvalues).sum() - q * np.log(eigenvalues.mean())))
+        mean = sum(eigenvalues) / q
+        W = math.exp(sum(math.log(value) for value in eigenvalues) - q * math.log(mean))
         p, p_r = _mauchly_p(W, q, df, q), _mauchly_p(W, q, df, n_cells)
     return Sphericity(
         W=W,
         p=p,
         p_r=p_r,
         gg=gg,
-        hf=float(hf),
+        hf=hf,
         p_gg=float(special.fdtrc(df1 * gg, df2 * gg, F)),
         p_hf=float(special.fdtrc(df1 * hf_used, df2 * hf_used, F)),
     )
@@ -69,7 +72,7 @@ def sphericity(errors: Array, df: int, F: float, df1: int, *, n_cells: int) -> S
 
 def _mauchly_p(W: float, q: int, df: int, series_q: int) -> float:
     rho = 1 - (2 * q**2 + q + 2) / (6 * q * df)
-    z = -df * rho * np.log(W)
+    z = -df * rho * math.log(W)
     f = q * (q + 1) / 2 - 1
     omega = (
         (q + 2)
@@ -78,5 +81,5 @@ def _mauchly_p(W: float, q: int, df: int, series_q: int) -> float:
         * (2 * q**3 + 6 * q**2 + 3 * series_q + 2)
         / (288 * (df * q * rho) ** 2)
     )
-    first, second = special.chdtrc(f, z), special.chdtrc(f + 4, z)
-    return float(np.clip(first + omega * (second - first), 0.0, 1.0))
+    first, second = float(special.chdtrc(f, z)), float(special.chdtrc(f + 4, z))
+    return min(max(first + omega * (second - first), 0.0), 1.0)

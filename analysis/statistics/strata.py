@@ -29,6 +29,20 @@ def helmert(k: int) -> Array:
     return columns
 
 
+@lru_cache(maxsize=256)
+def contrasts(levels: tuple[int, ...], is_inside: tuple[bool, ...]) -> Array:
+    """Return orthonormal contrasts (cells, q) over cells of factors, the last one's side by side.
+
+    Factors that are not inside are averaged, times √k, so that sums of squares come out per row.
+    """
+    of_cells: Array = np.ones((1, 1))
+    for k, inside in zip(levels, is_inside, strict=True):
+        of_levels = helmert(k) if inside else np.full((k, 1), 1 / np.sqrt(k))
+        of_cells = np.kron(of_cells, of_levels)
+    of_cells.flags.writeable = False
+    return of_cells
+
+
 @dataclass(frozen=True)
 class Stratum:
     """Sums of squares of one effect and of its error; `errors` (n, q) are the error scores."""
@@ -63,6 +77,7 @@ class Strata:
             X = np.hstack([X, column[:, None]])
         self._inverse = np.linalg.inv(X.T @ X)
         self._fit = self._inverse @ X.T
+        self._precisions: dict[tuple[int, ...], Array] = {}
         self._X = X
         self._columns = X.shape[1]
         self._between = [*(f.name for f in between), *design.covariates]
@@ -73,30 +88,24 @@ class Strata:
     def scores(self, table: Array, term: Sequence[str]) -> Array:
         """Return orthonormal contrast scores (n, q) of the within factors of a term.
 
-        `table` has shape (subjects, levels of within 1, …); factors outside the term are averaged
-        (times √k, so that sums of squares come out per row).
+        `table` has shape (subjects, levels of within 1, …); factors outside the term are averaged.
         """
-        scores = table
-        for axis, name in enumerate(self._within, start=1):
-            k = table.shape[axis]
-            if name in term:
-                scores = np.moveaxis(np.moveaxis(scores, axis, -1) @ helmert(k), -1, axis)
-            else:
-                scores = scores.sum(axis=axis, keepdims=True) / np.sqrt(k)
-        return scores.reshape(table.shape[0], -1)
+        inside = tuple(name in term for name in self._within)
+        scores: Array = table.reshape(len(table), -1) @ contrasts(table.shape[1:], inside)
+        return scores
 
     def test(self, table: Array, term: Sequence[str]) -> Stratum:
         """Return the sums of squares (type III) of a term for a response table."""
         Z = self.scores(table, term)
         beta = self._fit @ Z
         errors = Z - self._X @ beta
-        columns = self._place[tuple(i for i, n in enumerate(self._between) if n in term)]
-        part = beta[columns]
-        hypothesis = part.T @ np.linalg.solve(self._inverse[columns, columns], part)
+        of_term = tuple(i for i, n in enumerate(self._between) if n in term)
+        part = beta[self._place[of_term]]
         inside = [n for n in self._within if n in term]
         q, df = Z.shape[1], Z.shape[0] - self._columns
-        noise = FLOAT_NOISE * float((table**2).sum())
-        ss, ss_error = float(np.trace(hypothesis)), float((errors**2).sum())
+        noise = FLOAT_NOISE * float(np.vdot(table, table))
+        ss = float(np.vdot(part, self._precision(of_term) @ part))
+        ss_error = float(np.vdot(errors, errors))
         return Stratum(
             term=tuple(term),
             error_term=":".join([self._subject, *inside]),
@@ -107,6 +116,13 @@ class Strata:
             errors=errors,
             n_groups=self._columns,
         )
+
+    def _precision(self, of_term: tuple[int, ...]) -> Array:
+        """Return the inverse of the coefficients' covariance of a between term, made once."""
+        if of_term not in self._precisions:
+            columns = self._place[of_term]
+            self._precisions[of_term] = np.linalg.inv(self._inverse[columns, columns])
+        return self._precisions[of_term]
 
     def residuals(self, Z: Array) -> Array:
         """Return how far people's values (n, columns) lie from the means of their groups."""
