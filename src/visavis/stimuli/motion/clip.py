@@ -10,6 +10,7 @@ import numpy.typing as npt
 from visavis.lab.geometry import Vector
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.interpolation import Interpolation
+from visavis.stimuli.motion.key_kernels import path_rows
 from visavis.stimuli.motion.rotations import continuous, mirrored_quat, unit_quats
 from visavis.stimuli.motion.skeleton import Placement, Skeleton, forward
 from visavis.stimuli.motion.slerp_kernels import slerp_segments
@@ -159,14 +160,17 @@ class KeyPoses:
         """Return the poses at times of any shape."""
         times = self.turns.times
         segment, h = times.locate(t_s)
-        following = (segment + 1) % len(self.root_m)
-        a, b, x = self.root_m[segment], self.root_m[following], h[..., None]
-        root = (1 - x) * a + x * b
-        if self.smooth_root:
-            lasts = times.segment_s[segment][..., None]
-            leave, arrive = lasts * self._slopes[segment], lasts * self._slopes[following]
-            bend = (1 - x) * (leave - (b - a)) - x * (arrive - (b - a))
-            root = root + x * (1 - x) * bend
+        root = np.empty((*h.shape, 3))
+        slopes = self._slopes if self.smooth_root else self.root_m
+        path_rows(
+            self.root_m,
+            slopes,
+            times.segment_s,
+            self.smooth_root,
+            segment.reshape(-1),
+            h.reshape(-1),
+            root.reshape(-1, 3),
+        )
         return Frames(root, self.turns.in_segment(segment, h))
 
 

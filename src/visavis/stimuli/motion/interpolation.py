@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from visavis.lab.geometry import Vector
 from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.key_kernels import locate_rows
 from visavis.stimuli.motion.rotations import (
     check_order,
     euler_from_quat,
@@ -77,15 +78,27 @@ class KeyTimes:
         Raises:
             MotionError: a time is not finite.
         """
-        t = np.asarray(t_s, dtype=np.float64) - self.t_s[0]
-        if not np.isfinite(t).all():
+        t = np.asarray(t_s, dtype=np.float64)
+        segment, h = np.empty(t.shape, np.int64), np.empty(t.shape)
+        is_finite = locate_rows(
+            t.ravel(),
+            self.t_s[0],
+            self._starts_s,
+            self.segment_s,
+            self.period_s or 0.0,
+            self.is_closed or not self.extrapolate,
+            segment.reshape(-1),
+            h.reshape(-1),
+        )
+        if not is_finite:
             raise MotionError("asked for a pose at a time that is not a number; give finite times")
-        if self.period_s is not None:
-            t = np.mod(t, self.period_s)
-        starts = self.t_s[: len(self.segment_s)] - self.t_s[0]
-        segment = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, None)
-        h = (t - starts[segment]) / self.segment_s[segment]
-        return segment, h if self.extrapolate and not self.is_closed else np.clip(h, 0.0, 1.0)
+        return segment, h
+
+    @cached_property
+    def _starts_s(self) -> Vector:
+        """Where segments begin, from the first key on, shape (segments,)."""
+        starts: Vector = self.t_s[: len(self.segment_s)] - self.t_s[0]
+        return starts
 
 
 class Interpolation(Protocol):
@@ -128,7 +141,9 @@ def _shares(
     times: KeyTimes, segment: npt.ArrayLike, h: npt.ArrayLike
 ) -> tuple[npt.NDArray[np.int64], Vector]:
     """Broadcast and check segments and shares."""
-    s, x = np.broadcast_arrays(np.asarray(segment, dtype=np.int64), np.asarray(h, dtype=np.float64))
+    s, x = np.asarray(segment, dtype=np.int64), np.asarray(h, dtype=np.float64)
+    if s.shape != x.shape:
+        s, x = np.broadcast_arrays(s, x)
     if s.size and not (0 <= s.min() and s.max() < len(times.segment_s)):
         raise MotionError(
             f"segments {s.min()} to {s.max()} asked for; there are {len(times.segment_s)}"

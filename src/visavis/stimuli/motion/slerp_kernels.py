@@ -69,22 +69,40 @@ def slerp_rows(a: Vector, b: Vector, h: Vector, out: Vector) -> None:
 
 
 @compiled
-def series_row(h: float, least: float, x: Vector, terms: Vector, share: Vector) -> None:
+def terms_of_series(x: Vector, is_within: bool) -> tuple[int, int]:
+    """Return how many terms of the series all short arcs of a row need, and how many arcs are long.
+
+    `x` are cosines minus 1, of arcs whose shares are, `is_within`, where the series holds at all.
+    Arcs are counted, not compared with the widest so far, because counts run on vectors.
+    """
+    n_short = n_20 = n_12 = n_9 = n_7 = 0
+    for j in range(x.shape[0]):
+        is_short = x[j] > LONG_SERIES_DOT - 1.0
+        n_short += is_short
+        n_20 += is_short & (x[j] + 1.0 > 0.7)
+        n_12 += is_short & (x[j] + 1.0 > SERIES_DOT)
+        n_9 += is_short & (x[j] + 1.0 > 0.97)
+        n_7 += is_short & (x[j] + 1.0 > 0.99)
+    # As many terms as ((1 - dot) / 2)^n needs to fall below 1e-16 for the widest.
+    n_terms = MAX_TERMS
+    if n_20 == n_short:
+        n_terms = 20
+    if n_12 == n_short:
+        n_terms = 12
+    if n_9 == n_short:
+        n_terms = 9
+    if n_7 == n_short:
+        n_terms = 7
+    return n_terms, x.shape[0] - n_short if is_within else x.shape[0]
+
+
+@compiled
+def series_row(h: float, n_terms: int, x: Vector, terms: Vector, share: Vector) -> None:
     """Write sin(h w) / sin w for every x = cos w - 1 near 0; the same series as `_series`.
 
-    `least` is the smallest cosine that matters. Nested from the last term inwards, joint by joint
-    within a term, so that it runs on vectors.
+    Nested from the last of `n_terms` inwards, joint by joint within a term, so that it runs on
+    vectors.
     """
-    # As many terms as ((1 - dot) / 2)^n needs to fall below 1e-16.
-    n_terms = MAX_TERMS
-    if least > 0.7:
-        n_terms = 20
-    if least > SERIES_DOT:
-        n_terms = 12
-    if least > 0.97:
-        n_terms = 9
-    if least > 0.99:
-        n_terms = 7
     for i in range(1, n_terms + 1):
         terms[i - 1] = (h * h - i * i) / (i * (2 * i + 1.0))
     last = terms[n_terms - 1]
@@ -106,8 +124,6 @@ def slerp_segments(a: Vector, b: Vector, segment: Index, h: Vector, out: Vector)
     for r in range(h.shape[0]):
         s, share = segment[r], h[r]
         is_near = -1.0 <= share <= 2.0
-        # The series needs as many terms as the widest arc among the joints that use it.
-        least = 1.0
         for j in range(n):
             x[j] = (
                 a[s, j, 0] * b[s, j, 0]
@@ -116,14 +132,14 @@ def slerp_segments(a: Vector, b: Vector, segment: Index, h: Vector, out: Vector)
                 + a[s, j, 3] * b[s, j, 3]
                 - 1.0
             )
-        for j in range(n):
-            if is_near and x[j] > LONG_SERIES_DOT - 1.0:
-                least = min(least, x[j] + 1.0)
-        series_row(1.0 - share, least, x, terms, u)
-        series_row(share, least, x, terms, v)
+        n_terms, n_long = terms_of_series(x, is_near)
+        series_row(1.0 - share, n_terms, x, terms, u)
+        series_row(share, n_terms, x, terms, v)
         for j in range(n):
             for i in range(4):
                 out[r, j, i] = u[j] * a[s, j, i] + v[j] * b[s, j, i]
+        if n_long == 0:
+            continue
         for j in range(n):
             # Wide arcs, and shares far outside, are computed by sines instead.
             if not (is_near and x[j] > LONG_SERIES_DOT - 1.0):

@@ -1,12 +1,36 @@
 """A damped spring that brings a motion to its end pose, in closed form."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.motion.errors import MotionError
+
+
+@compiled
+def spring_rows(
+    t: Vector, x0: Vector, v0: Vector, w: float, z: float, here: Vector, speed: Vector
+) -> None:
+    """Write where springs are and how fast at times (n,); x0 and v0 are (n,) or (1,) for all."""
+    # Below critical damping the frequency of the swing, beyond it half what the exponents differ.
+    own = w * math.sqrt(abs(1.0 - z * z))
+    for r in range(t.shape[0]):
+        x, v = x0[r % x0.shape[0]], v0[r % v0.shape[0]]
+        if z < 1.0:
+            decay = math.exp(-z * w * t[r])
+            cosine, sine = decay * math.cos(own * t[r]), decay * math.sin(own * t[r]) / own
+        else:
+            # Both exponents are at most zero, so large times cannot overflow.
+            slow = w / (z + math.sqrt(z * z - 1.0))
+            decay, rest = math.exp(-slow * t[r]), math.expm1(-2 * own * t[r])
+            cosine = decay * (1.0 + rest / 2)
+            sine = decay * (t[r] if own == 0.0 else -rest / (2 * own))
+        here[r] = x * cosine + (v + z * w * x) * sine
+        speed[r] = v * cosine - (w * w * x + z * w * v) * sine
 
 
 @dataclass(frozen=True)
@@ -35,20 +59,17 @@ class Spring:
 
         Exact for any step, so stepping at 30 or 90 Hz ends at the same place.
         """
-        t = np.asarray(t_s, dtype=np.float64) * self.time_scale
-        x, v = np.asarray(x0, dtype=np.float64), np.asarray(v0, dtype=np.float64)
-        w, z = self.omega_rad_s, self.zeta
-        if z < 1.0:
-            alpha = w * np.sqrt(1.0 - z * z)
-            decay = np.exp(-z * w * t)
-            cosine, sine = decay * np.cos(alpha * t), decay * t * np.sinc(alpha * t / np.pi)
-        else:
-            # Both exponents are at most zero, so large times cannot overflow.
-            beta = w * np.sqrt(z * z - 1.0)
-            slow = w / (z + np.sqrt(z * z - 1.0))
-            decay, rest = np.exp(-slow * t), np.expm1(-2 * beta * t)
-            cosine = decay * (1.0 + rest / 2)
-            sine = decay * (t if beta == 0.0 else -rest / (2 * beta))
-        here = x * cosine + (v + z * w * x) * sine
-        speed = v * cosine - (w * w * x + z * w * v) * sine
+        t, x, v = (np.asarray(values, dtype=np.float64) for values in (t_s, x0, v0))
+        if not (x.ndim == 0 and v.ndim == 0):
+            t, x, v = np.broadcast_arrays(t, x, v)
+        here, speed = np.empty(t.shape), np.empty(t.shape)
+        spring_rows(
+            np.ravel(t) * self.time_scale,
+            np.ravel(x),
+            np.ravel(v),
+            self.omega_rad_s,
+            self.zeta,
+            here.reshape(-1),
+            speed.reshape(-1),
+        )
         return here, speed

@@ -16,6 +16,7 @@ from visavis.stimuli.motion.slerp_kernels import (
     Index,
     series_row,
     slerp_one,
+    terms_of_series,
 )
 
 MAX_ANGLE_RAD = 0.5 * math.pi + 1e-6
@@ -85,17 +86,20 @@ def squad_segments(
             x[j] = dot - 1.0
         # Eberly's series for sin(h θ)/sin θ holds where arcs are short; all joints of a row at once
         # it vectorises.
-        least = 1.0
-        for j in range(n):
-            if x[j] > LONG_SERIES_DOT - 1.0:
-                least = min(least, x[j] + 1.0)
-        series_row(1.0 - k, least, x, terms, u)
-        series_row(k, least, x, terms, v)
-        for j in range(n):
-            for i in range(4):
-                out[r, j, i] = u[j] * p[i, j] + v[j] * c[i, j]
-        # The few joints with long arcs, or beyond the segment, take the exact way.
         is_within = 0.0 <= share <= 1.0
+        n_terms, n_long = terms_of_series(x, is_within)
+        series_row(1.0 - k, n_terms, x, terms, u)
+        series_row(k, n_terms, x, terms, v)
+        for j in range(n):
+            # Four numbers that lie together are written together.
+            one, other = u[j], v[j]
+            out[r, j, 0] = one * p[0, j] + other * c[0, j]
+            out[r, j, 1] = one * p[1, j] + other * c[1, j]
+            out[r, j, 2] = one * p[2, j] + other * c[2, j]
+            out[r, j, 3] = one * p[3, j] + other * c[3, j]
+        if n_long == 0:
+            continue
+        # The few joints with long arcs, or beyond the segment, take the exact way.
         for j in range(n):
             if is_within and x[j] > LONG_SERIES_DOT - 1.0:
                 continue
