@@ -1,11 +1,17 @@
 """Print every row that speed is held to beside the last run on the same machine.
 
-    python -m benchmarks.all [--only NAME ...] [--compare FILE]
+    python -m benchmarks.all [--only NAME ...] [--compare FILE] [--start CHECKOUT]
 
 Each group of rows is measured by the benchmark it is named for, in a process of its own. "Ratio"
 is how much better than the goal a figure is. With `--compare` the file, kept by whoever measures,
 is read for the last figure of each row on a machine with the same processor and as many cores;
-"before" and "better by" say it and the ratio to it, and this run is added to the file. Beneath a
+"before" and "better by" say it and the ratio to it, and this run is added to the file.
+
+Goals are figures of the computer they were set on. With `--start`, a checkout of commit c947f481
+from which they were set, that commit's benchmarks run in the same run, and each goal is asked for
+as the same improvement, whatever this computer takes for that very row (`benchmarks.start`).
+
+Beneath a
 row that misses its goal stands its floor: what the same computer needs, in the same run, for the
 part that nobody can leave out. On a machine that does other work wall times say little; its load
 is printed at the end.
@@ -17,7 +23,7 @@ import os
 import platform
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -37,6 +43,7 @@ from benchmarks import (
     viewer,
     warping,
 )
+from benchmarks.start import AT_START, goal_here, rows_at_start
 from benchmarks.table import Row
 from visavis.lab.clock import cpu_time_s
 from visavis.stimuli.characters.cast import load_character
@@ -149,6 +156,12 @@ def measure(group: str) -> list[Row]:
     return [replace(row, limit=GOALS.get(row.name, row.limit)) for row in GROUPS[group]()]
 
 
+def with_goals_here(rows: Sequence[Row], at_start: Mapping[str, float]) -> list[Row]:
+    """Return rows whose goals are what they come to on this computer, where the start says it."""
+    here = [(row, goal_here(row.name, row.limit or 0.0, at_start)) for row in rows]
+    return [row if goal is None else replace(row, limit=goal) for row, goal in here]
+
+
 def this_machine() -> str:
     """Return the processor and how many cores of it there are."""
     try:
@@ -169,14 +182,17 @@ def last_run(file: Path, machine: str) -> dict[str, float]:
     return figures
 
 
-def line_of(row: Row, before: float | None) -> str:
-    """Return a row as a line: its value, its goal, and how much better than before it is."""
+def line_of(row: Row, before: float | None, at_start: float | None = None) -> str:
+    """Return a row as a line: its value, its goal, how much better than before and at the start."""
     line = f"  {row.name:<50} {row.value:>11.4g} {row.unit:<14}"
     goal = "" if row.ratio is None else f"goal {row.limit:>8g}  ratio {row.ratio:>5.2f}"
     line += f" {goal:<28}"
     if before is not None:
         times = replace(row, limit=before).ratio
         line += f" before {before:>9.4g}  better by {times:.2f}"
+    if at_start is not None and row.name in AT_START:
+        times = replace(row, limit=at_start).ratio
+        line += f" start {at_start:>9.4g} (there {AT_START[row.name]:g})  better by {times:.2f}"
     floor = f"\n      {row.floor_line}" if row.is_missed and row.floor is not None else ""
     return line.rstrip() + floor
 
@@ -186,6 +202,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="benchmarks.all", description=__doc__)
     parser.add_argument("--only", nargs="+", choices=tuple(GROUPS), default=tuple(GROUPS))
     parser.add_argument("--compare", type=Path, metavar="FILE", help="runs so far; made if missing")
+    parser.add_argument("--start", type=Path, metavar="CHECKOUT", help="of commit c947f481")
     options = parser.parse_args(arguments)
     machine = this_machine()
     before = {} if options.compare is None else last_run(options.compare, machine)
@@ -196,13 +213,14 @@ def main(arguments: list[str]) -> int:
         with ProcessPoolExecutor(1, get_context("spawn")) as pool:
             try:
                 rows = pool.submit(measure, group).result()
+                at_start = rows_at_start(options.start, group) if options.start else {}
             except Exception as problem:  # the other groups are measured all the same
                 print(f"  not measured: {type(problem).__name__}: {problem}")
                 missed = True
                 continue
-        for row in rows:
+        for row in with_goals_here(rows, at_start):
             name = f"{group}: {row.name}"
-            print(line_of(row, before.get(name)), flush=True)
+            print(line_of(row, before.get(name), at_start.get(row.name)), flush=True)
             values[name] = row.value
             missed = missed or (row.is_missed and not row.is_explained)
     load = os.getloadavg()[0]
