@@ -7,6 +7,9 @@ from visavis.analysis.gaze.stamps import Times
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 
+Rows = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
 
 @compiled
 def angle_rad(v: Vector, a: int, b: int) -> float:
@@ -21,7 +24,41 @@ def angle_rad(v: Vector, a: int, b: int) -> float:
 
 
 @compiled
-def fill_gaps(t_ns: Times, v: Vector, longest_ns: int, step_ns: int) -> npt.NDArray[np.int64]:
+def unit_rows(v: Vector, out: Vector) -> None:
+    """Write vectors (n, 3) scaled to length one; zero and non-finite ones become NaN."""
+    for r in range(v.shape[0]):
+        length = np.sqrt(v[r, 0] * v[r, 0] + v[r, 1] * v[r, 1] + v[r, 2] * v[r, 2])
+        if 0.0 < length < np.inf:
+            for k in range(3):
+                out[r, k] = v[r, k] / length
+        else:
+            for k in range(3):
+                out[r, k] = np.nan
+
+
+@compiled
+def sums_of_runs(v: Vector, first: Rows, last: Rows, sums: Vector, in_run: Flags) -> None:
+    """Write sums (runs, 3) of the valid vectors of runs of rows, and which rows are in one (n,).
+
+    Runs are in order and do not overlap. Sums run through all rows and are taken apart at the ends.
+    """
+    total = np.zeros(3)
+    before = np.zeros(3)
+    run = 0
+    for r in range(v.shape[0]):
+        if run < first.shape[0] and r == first[run]:
+            before[:] = total
+        in_run[r] = run < first.shape[0] and r >= first[run]
+        for k in range(3):
+            if np.isfinite(v[r, k]):
+                total[k] += v[r, k]
+        if run < first.shape[0] and r == last[run]:
+            sums[run] = total - before
+            run += 1
+
+
+@compiled
+def fill_gaps(t_ns: Times, v: Vector, longest_ns: int, step_ns: int) -> Rows:
     """Interpolate short losses in place; return (n,) the stretch each row belongs to, -1 lost.
 
     A loss is the time between two valid rows beyond one step, whether rows are there or not.
@@ -58,9 +95,7 @@ def fill_gaps(t_ns: Times, v: Vector, longest_ns: int, step_ns: int) -> npt.NDAr
 
 
 @compiled
-def speeds_deg_s(
-    t_ns: Times, v: Vector, stretch: npt.NDArray[np.int64], half: int, out: Vector
-) -> None:
+def speeds_deg_s(t_ns: Times, v: Vector, stretch: Rows, half: int, out: Vector) -> None:
     """Fill (n,) speed: least-squares slope of the direction over `half` rows on either side.
 
     The window is cut at the ends of a stretch; a row alone in its stretch has NaN. With one row
@@ -99,9 +134,7 @@ def speeds_deg_s(
 
 
 @compiled
-def runs_where(
-    mask: npt.NDArray[np.bool_], stretch: npt.NDArray[np.int64], out: npt.NDArray[np.int64]
-) -> int:
+def runs_where(mask: Flags, stretch: Rows, out: Rows) -> int:
     """Fill `out` (k, 2) with first and last row of runs of True within a stretch; return k."""
     k = 0
     is_open = False
@@ -144,7 +177,7 @@ def _border(v: Vector, t_ns: Times, first: int, last: int, span_ns: int, out: Ve
 def merge_runs(
     t_ns: Times,
     v: Vector,
-    runs: npt.NDArray[np.int64],
+    runs: Rows,
     count: int,
     gap_ns: int,
     angle_limit_rad: float,
@@ -189,7 +222,7 @@ def compact_runs(
     minimum_ns: int,
     bridge_ns: int,
     step_ns: int,
-    out: npt.NDArray[np.int64],
+    out: Rows,
 ) -> int:
     """Fill `out` (k, 2) with runs no two rows of which are further apart than allowed.
 

@@ -15,6 +15,8 @@ from visavis.analysis.gaze.event_kernels import (
     merge_runs,
     runs_where,
     speeds_deg_s,
+    sums_of_runs,
+    unit_rows,
 )
 from visavis.analysis.gaze.stamps import Times, order_of, typical_step_ns
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
@@ -102,7 +104,8 @@ def checked_samples(
             "stamps repeat; drop repeated rows first "
             "(visavis.analysis.gaze.stamps.order_of says which)"
         )
-    v = np.ascontiguousarray(unit(direction.astype(np.float64)))
+    v = np.empty(direction.shape)
+    unit_rows(np.ascontiguousarray(direction, np.float64), v)
     step_ns = typical_step_ns(t_ns) if rate_hz is None else round(NS_PER_S / rate_hz)
     return np.ascontiguousarray(t_ns, np.int64), v, step_ns
 
@@ -128,22 +131,20 @@ def _fixations_of_runs(
 ) -> Fixations:
     first, last = runs[:, 0], runs[:, 1]
     duration = t_ns[last] - t_ns[first] + step_ns
-    following = np.append(t_ns[1:], np.iinfo(np.int64).max)[last]
-    duration = np.minimum(duration, following - t_ns[first])
+    has_next = last + 1 < t_ns.shape[0]
+    following = t_ns[last + has_next]
+    duration = np.where(has_next, np.minimum(duration, following - t_ns[first]), duration)
     keep = duration >= minimum_ns
     first, last, duration = first[keep], last[keep], duration[keep]
-    n = t_ns.shape[0]
-    marks = np.zeros(n + 1, np.int64)
-    np.add.at(marks, first, 1)
-    np.add.at(marks, last + 1, -1)
-    sums = np.vstack([np.zeros(3), np.cumsum(np.nan_to_num(v), axis=0)])
+    sums, in_fixation = np.empty((len(first), 3)), np.empty(t_ns.shape[0], np.bool_)
+    sums_of_runs(v, first, last, sums, in_fixation)
     return Fixations(
         onset_ns=t_ns[first],
         duration_ns=duration,
         first_row=first,
         last_row=last,
-        direction=unit(sums[last + 1] - sums[first]),
-        in_fixation=np.cumsum(marks[:n]) > 0,
+        direction=unit(sums),
+        in_fixation=in_fixation,
         window_ms=window_ms,
     )
 
