@@ -115,7 +115,8 @@ def art_anova(
     name = subject or "row"
     # Align and rank for every effect by itself (Wobbrock et al. 2011) ...
     aligned = aligned_columns(design)
-    ranks = {term: aligned_ranks(column, design.y) for term, column in aligned.items()}
+    scale = _scale_of(design.y)
+    ranks = {term: average_ranks(without_noise(c, scale)) for term, c in aligned.items()}
     # ... and, as the second opinion, take normal scores of the plain ranks for all effects alike.
     scores = normal_scores(design.y)
     plain = dict.fromkeys(aligned, scores)
@@ -185,10 +186,15 @@ def aligned_columns(design: Design) -> dict[str, Array]:
 
 def aligned_ranks(column: Array, y: Array) -> Array:
     """Rank an aligned column of a response, float noise removed."""
+    return average_ranks(without_noise(column, _scale_of(y)))
+
+
+def _scale_of(y: Array) -> float:
+    """Return the size below whose last decimals differences of aligned values are noise."""
     spread, largest = float(np.abs(y - y.mean()).max()), float(np.abs(y).max())
     # Noise is a share of the values themselves, which may lie far from zero.
-    noise = largest * np.finfo(np.float64).eps * 10**ALIGNED_DECIMALS
-    return average_ranks(without_noise(column, max(spread, noise)))
+    noise: float = largest * float(np.finfo(np.float64).eps) * 10.0**ALIGNED_DECIMALS
+    return max(spread, noise)
 
 
 def without_noise(values: Array, scale: float) -> Array:

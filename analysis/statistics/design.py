@@ -135,10 +135,16 @@ class Design:
 
     def table(self, values: Array) -> Array:
         """Arrange one value per row as (subjects, levels of within 1, levels of within 2, …)."""
-        shape = tuple(f.k for f in self.within)
-        table = np.empty((self.n, *shape))
-        table[(self.subject, *(f.codes for f in self.within))] = values
+        shape = (self.n, *(f.k for f in self.within))
+        table = np.empty(shape)
+        table.reshape(-1)[self._places] = values
         return table
+
+    @cached_property
+    def _places(self) -> Codes:
+        """Where each row stands in the flat `table`."""
+        shape = (self.n, *(f.k for f in self.within))
+        return np.ravel_multi_index((self.subject, *(f.codes for f in self.within)), shape)
 
     def factor(self, name: str) -> Factor:
         """Return a factor by name."""

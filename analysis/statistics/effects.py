@@ -57,12 +57,13 @@ def tails_of(
     on lognormal values (`python -m benchmarks.interval_coverage`).
     """
     rows = scores.reshape(len(scores), -1)
-    squares = (rows**2).sum(axis=1)
-    n, mean = len(rows), float(squares.mean())
+    squares = np.einsum("ij,ij->i", rows, rows)
+    n = len(rows)
+    mean = float(squares.sum()) / n
     expected = LONG_TAILS_EXPECTED / (2 if of_differences else 1)
     excess = skewness = 0.0
     if mean > 0:
-        excess = rows.shape[1] * (float((squares**2).mean()) / mean**2 - 1) - 2
+        excess = rows.shape[1] * (float(np.vdot(squares, squares)) / n / mean**2 - 1) - 2
         skewness = float((scores**3).mean() / mean**1.5) if of_one_mean else 0.0
     total = PEOPLE_EXPECTED * expected + n * KURTOSIS_UNSEEN * max(excess, 0.0)
     return Tails(total / (PEOPLE_EXPECTED + n), people or n, SKEWNESS_UNSEEN * skewness)

@@ -12,8 +12,10 @@ def average_ranks(values: Array) -> Array:
     """Return ranks 1..n of a column (n,); tied values share their average rank."""
     order = np.argsort(values, kind="stable")
     rising = values[order]
-    starts = np.flatnonzero(np.concatenate(([True], rising[1:] != rising[:-1])))
-    ends = np.concatenate((starts[1:], [values.size]))
+    is_start = np.ones(values.size + 1, np.bool_)
+    np.not_equal(rising[1:], rising[:-1], out=is_start[1:-1])
+    bounds = np.flatnonzero(is_start)
+    starts, ends = bounds[:-1], bounds[1:]
     ranks = np.empty(values.size)
     ranks[order] = np.repeat((starts + ends + 1) / 2, ends - starts)
     return ranks

@@ -38,7 +38,7 @@ def contrasts(levels: tuple[int, ...], is_inside: tuple[bool, ...]) -> Array:
     of_cells: Array = np.ones((1, 1))
     for k, inside in zip(levels, is_inside, strict=True):
         of_levels = helmert(k) if inside else np.full((k, 1), 1 / np.sqrt(k))
-        of_cells = np.kron(of_cells, of_levels)
+        of_cells = np.asarray(np.kron(of_cells, of_levels), dtype=np.float64)
     of_cells.flags.writeable = False
     return of_cells
 
