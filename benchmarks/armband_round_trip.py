@@ -4,7 +4,7 @@
 
 "Ratio" is limit / value: 1 or more is within the limit. The round trip runs over a
 pseudo-terminal to a separate process that answers at once; its wire time is the same exchange
-done with bare system calls, and the overhead is the difference of the two. The
+done with bare system calls after the same waits, and the overhead is the difference of the two. The
 firmware runs in simavr where its packages are installed, otherwise as C on this computer.
 """
 
@@ -27,9 +27,10 @@ import numpy as np
 
 from benchmarks.table import Row, show
 from tests.devices.wire_ends.armband_machine import TerminalMachine, build, make
-from visavis.devices.byte_links import MemoryLink
+from visavis.devices.byte_links import Chunk, MemoryLink
 from visavis.devices.contracts import HAPTICS, Armband
 from visavis.devices.drivers.armband import codec
+from visavis.devices.drivers.links.serial_port import SerialLink
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.pump import Pump
 from visavis.devices.registry import driver_wiring
@@ -121,6 +122,8 @@ def bare_round_trips_ms(port: str, count: int, within_s: float = 2.0) -> list[fl
     termios.tcflush(line, termios.TCIOFLUSH)
     times: list[float] = []
     for i in range(count):
+        # As long after the last one as the driver's: a computer that has waited is slower.
+        clock.sleep_until_ns(clock.now_ns() + APART_NS)
         data = codec.encode_set(i % 256, 500, (255,) * 4)
         start_ns = clock.now_ns()
         os.write(line, data)
@@ -134,6 +137,27 @@ def bare_round_trips_ms(port: str, count: int, within_s: float = 2.0) -> list[fl
             answer += os.read(line, 4096)
         times.append((clock.now_ns() - start_ns) / NS_PER_MS)
     os.close(line)
+    return times
+
+
+def link_round_trips_ms(port: str, count: int) -> list[float]:
+    """Send SET and read its answer through the serial library, without the driver above it."""
+    clock = SystemClock()
+    link = SerialLink(clock, port=port)
+    link.open(10.0)
+    times: list[float] = []
+    for i in range(count):
+        clock.sleep_until_ns(clock.now_ns() + APART_NS)
+        data = codec.encode_set(i % 256, 500, (255,) * 4)
+        start_ns, got = clock.now_ns(), 0
+        link.write(data)
+        while got < len(data):
+            chunks = link.read(2.0)
+            if not chunks:
+                raise DeviceTimeout(f"no whole answer, after {len(times)} that came")
+            got += sum(len(chunk.data) for chunk in chunks)
+        times.append((clock.now_ns() - start_ns) / NS_PER_MS)
+    link.close()
     return times
 
 
@@ -169,6 +193,69 @@ def driver_round_trips_ms(port: str, count: int) -> list[float]:
             times.append((clock.now_ns() - start_ns) / NS_PER_MS)
     driver.close()
     return times
+
+
+class LeapingClock(SystemClock):
+    """The system clock, which can be put forward instead of waiting."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._ahead_ns = 0
+
+    def now_ns(self) -> int:
+        """Return the system clock's time and what it was put forward by."""
+        return super().now_ns() + self._ahead_ns
+
+    def leap(self, ns: int) -> None:
+        """Put it forward."""
+        self._ahead_ns += ns
+
+
+class BandWithoutWire:
+    """A band in this process that answers at once, and how long its own answers took."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._firmware = ArmbandFirmware()
+        self._said: list[Chunk] = []
+        self.took_ns = 0
+
+    def connect(self, now_ns: int) -> None:
+        """Be there."""
+
+    def accept(self, data: bytes, now_ns: int) -> None:
+        """Answer."""
+        begin_ns = self._clock.now_ns()
+        said = self._firmware.feed(data, 0)
+        if said:
+            self._said.append(Chunk(now_ns, said))
+        self.took_ns += self._clock.now_ns() - begin_ns
+
+    def outgoing(self, now_ns: int) -> list[Chunk]:
+        """Return the answers since the last call."""
+        said, self._said = self._said, []
+        return said
+
+
+def own_work_ms(*, waits: bool, count: int = 500) -> float:
+    """Return the median time of the driver's own work on a command, after a wait or at once."""
+    clock = LeapingClock()
+    band = BandWithoutWire(clock)
+    driver = band_on(clock, MemoryLink(band, clock), max_rate_hz=FASTEST_HZ)
+    driver.open(1.0)
+    driver.start(lambda batch: None)
+    times = []
+    for _ in range(count):
+        if waits:
+            SystemClock().sleep_until_ns(SystemClock().now_ns() + APART_NS)
+        else:
+            clock.leap(APART_NS)
+        start_ns, before_ns = clock.now_ns(), band.took_ns
+        driver.set_amplitudes(MOTORS_ON, 500)
+        driver.poll(0.0)
+        times.append((clock.now_ns() - start_ns - (band.took_ns - before_ns)) / NS_PER_MS)
+    driver.close()
+    return float(np.median(times))
 
 
 def contact_to_command_ms(port: str) -> list[float]:
@@ -349,10 +436,23 @@ def round_trips(port: str, commands: int) -> list[Row]:
     through = np.array(driver_round_trips_ms(port, commands))
     bare = np.array(bare_round_trips_ms(port, commands))
     (middle, late), (wire, wire_late) = (np.percentile(x, [50, 99]) for x in (through, bare))
+    library = float(np.median(link_round_trips_ms(port, commands))) - float(wire)
+    hot_ms, waited_ms = own_work_ms(waits=False), own_work_ms(waits=True)
+    parts = (
+        f"each alone after such waits: the serial library {library:.2g} ms and the driver's code "
+        f"{waited_ms:.2g} ms ({hot_ms:.2g} back to back)"
+    )
     return [
         Row("wire alone, median", float(wire), "ms"),
         Row("driver round trip, median", float(middle), "ms"),
-        Row("driver overhead, median", float(middle - wire), "ms", 0.3),
+        Row(
+            "driver overhead, median",
+            float(middle - wire),
+            "ms",
+            0.3,
+            floor=library + waited_ms,
+            floor_name=parts,
+        ),
         Row("driver overhead, p99", float(late - wire_late), "ms", 2.0),
         Row("answered of commands", 100 * len(through) / commands, "%"),
         Row("driver CPU per command", driver_cpu_ms(), "ms"),
