@@ -71,7 +71,15 @@ def _walks() -> list[Row]:
 
 def _statistics() -> list[Row]:
     lines = statistics.measure(200)
-    return [Row(line.name, line.value, line.unit) for line in lines if line.peer == "limit"]
+    rows = [Row(line.name, line.value, line.unit) for line in lines if line.peer == "limit"]
+    floor_s = statistics.import_s("numpy, scipy.special")
+    probabilities = "NumPy and SciPy's special functions, from which all p come, alone"
+    return [
+        replace(row, floor=floor_s, floor_name=probabilities)
+        if row.name == "import of the package"
+        else row
+        for row in rows
+    ]
 
 
 def _motion() -> list[Row]:
@@ -80,7 +88,18 @@ def _motion() -> list[Row]:
     ratios = [row for name in hybrid_motion.INCREMENTS for row in hybrid_motion.rows_of(name)]
     for people, goal in zip(PEOPLE, (0.9, 0.95), strict=True):
         least = min(row.ratio for row in ratios if row.people == people)
-        rows.append(Row(f"hybrid beside clip, {people} people", least, "", goal, at_least=True))
+        loops = min(hybrid_motion.ratio_of_loops(name, people) for name in hybrid_motion.ROUNDS)
+        rows.append(
+            Row(
+                f"hybrid beside clip, {people} people",
+                least,
+                "",
+                goal,
+                at_least=True,
+                floor=loops,
+                floor_name="Squad turns three arcs where a clip turns one: its loop alone reaches",
+            )
+        )
     return rows
 
 

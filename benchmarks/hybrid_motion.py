@@ -19,11 +19,12 @@ import numpy as np
 from benchmarks.motion import cpu_ms
 from visavis.stimuli.motion.baking import bake
 from visavis.stimuli.motion.build import build_of_skeleton
-from visavis.stimuli.motion.clip import Clip, placed_joints, sample_clip
+from visavis.stimuli.motion.clip import Clip, KeyPoses, placed_joints, sample_clip
 from visavis.stimuli.motion.interpolation import Squad
 from visavis.stimuli.motion.kinds import Crouch, Idle, Kind, Run, Walk
 from visavis.stimuli.motion.people import Person
-from visavis.stimuli.motion.skeleton import canonical_skeleton
+from visavis.stimuli.motion.skeleton import canonical_skeleton, forward
+from visavis.stimuli.motion.squad_kernels import squad_segments
 from visavis.stimuli.motion.synthesis.hybrid import authored_poses, hybrid
 
 PEOPLE = (1, 2, 5, 10, 20, 50, 100, 200)
@@ -34,6 +35,8 @@ KINDS: dict[str, Kind] = {
     "idle": Idle(),
     "crouch": Crouch(),
 }
+ROUNDS = ("walk", "run", "idle")
+"""Motions whose poses are joined by Squad."""
 FRAMES = {"walk": 30, "run": 30, "idle": 30, "crouch": 58}
 """Frames of a second of a clip, as in the source."""
 MIN_RATIO = 0.9
@@ -80,6 +83,26 @@ def rows_of(name: str) -> list[Row]:
             held = poses.orientation_wxyz.nbytes + poses.root_m.nbytes
             found.append(Row(name, variant, people, 1e3 / ms, clip_ms / ms, held))
     return found
+
+
+def ratio_of_loops(name: str, people: int) -> float:
+    """Return the ratio of the compiled loops alone: Squad and forward kinematics beside a clip."""
+    source = source_of(name)
+    n = FRAMES[name]
+    played = replace(sample_clip(source, 3.0, 1.0 / n, n), is_loop=True)
+    motion = hybrid(name, authored_poses(name, source, 3.0, 3.5, 0), 1.0)
+    assert isinstance(motion, KeyPoses)
+    assert isinstance(motion.turns, Squad)
+    turns, t_s = motion.turns, np.random.default_rng(0).uniform(0.0, 1.0, people)
+    frames, (segment, share) = motion.at(t_s), turns.times.locate(t_s)
+    out = np.empty_like(frames.orientation_wxyz)
+    arcs = turns.arcs
+
+    def loops() -> None:
+        squad_segments(*arcs, segment, share, out)
+        forward(motion.skeleton, frames.root_m, frames.orientation_wxyz)
+
+    return cpu_ms(partial(placed_joints, played, t_s)) / cpu_ms(loops)
 
 
 def squad_mquat_per_s() -> float:

@@ -52,9 +52,8 @@ class Row:
         if self.floor is None:
             return ""
         times = 1 / self._times_better(self.value, self.floor)
-        return (
-            f"{self.floor_name}: {_short(self.floor)} {self.unit}; this is {times:.2f} times that"
-        )
+        least = f"{_short(self.floor)} {self.unit}".rstrip()
+        return f"{self.floor_name}: {least}; this is {times:.2f} times that"
 
     def _times_better(self, value: float, than: float) -> float:
         better, worse = (value, than) if self.at_least else (than, value)

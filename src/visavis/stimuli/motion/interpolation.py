@@ -266,7 +266,8 @@ class Squad:
         return start, end, leave, arrive
 
     @cached_property
-    def _arcs(self) -> tuple[Vector, Vector, Vector, Vector]:
+    def arcs(self) -> tuple[Vector, Vector, Vector, Vector]:
+        """Arcs between keys and between control points, as `squad_segments` reads them."""
         start, end, leave, arrive = self._ends
         return *arcs_of(start, end), *arcs_of(leave, arrive)
 
@@ -274,7 +275,7 @@ class Squad:
         """Return rotations at share h of segments; h is not clamped."""
         s, x = _shares(self.times, segment, h)
         out = np.empty((s.size, *self._ends[0].shape[1:]))
-        squad_segments(*self._arcs, s.ravel(), x.ravel(), out)
+        squad_segments(*self.arcs, s.ravel(), x.ravel(), out)
         return out.reshape(*s.shape, *self.keys_wxyz.shape[1:])
 
     def at(self, t_s: npt.ArrayLike) -> Vector:
