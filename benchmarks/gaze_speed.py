@@ -95,7 +95,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table; return 1 when a limit is missed."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--json", action="store_true", help="print JSON")
-    return show(measure(), as_json=parser.parse_args(arguments).json)
+    as_json = parser.parse_args(arguments).json
+    return show(measure(), as_json=as_json)
 
 
 if __name__ == "__main__":
