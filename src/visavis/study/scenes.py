@@ -29,6 +29,7 @@ from visavis.stimuli.flat import Colour, Flat, Image, Panorama, Video, picture_p
 from visavis.stimuli.gaze.behaviour import Course, EyeBehaviour
 from visavis.stimuli.gaze.blinks import draw_blinks
 from visavis.stimuli.gaze_window import GazeWindow, WindowPlace
+from visavis.stimuli.motion.faces import Face
 from visavis.stimuli.motion.kinds import (
     Crouch,
     Idle,
@@ -43,6 +44,7 @@ from visavis.stimuli.motion.kinds import (
     Wave,
 )
 from visavis.stimuli.motion.motion_file import MOTION_SUFFIXES, read_motion
+from visavis.stimuli.motion.people import NEUTRAL
 from visavis.stimuli.moving_heads import MovingHeads, moving_heads
 from visavis.stimuli.own_room import PlacedRoom, Room
 from visavis.stimuli.room_shape import areas_of_room
@@ -319,15 +321,21 @@ def two_people(
     apart_deg: float = 32.0,
     left: str = "female_01",
     right: str = "male_01",
+    face: str = "neutral",
+    face_01: float = 1.0,
+    face_from_s: float = 0.0,
 ) -> StagedScene:
     """Return two people who sit beside each other and face the participant.
 
     The `active` one ("left" or "right") looks at the participant ("directed") or past them
-    ("averted"); the other always looks past.
+    ("averted") and makes the `face`, as far as `face_01` says, from `face_from_s` on; the other
+    always looks past with a neutral one.
 
     Raises:
         DesignError: an option is none of these.
+        MotionError: there is no such face.
     """
+    makes = Face(face, face_01, face_from_s)
     sides = ("left", "right")
     _one_of("two_people", "active", active, sides)
     _one_of("two_people", "eyes", eyes, EYES)
@@ -336,7 +344,8 @@ def two_people(
         bearing = np.radians(sign * apart_deg / 2)
         x, z = distance_m * float(np.sin(bearing)), -distance_m * float(np.cos(bearing))
         turn = 180.0 - sign * apart_deg / 2
-        people.append(Standing(character, side, x, z - 0.16, turn, Sit(hands="lap"), 11))
+        own = makes if side == active else NEUTRAL
+        people.append(Standing(character, side, x, z - 0.16, turn, Sit(hands="lap"), 11, own))
     return scene_of_people(staging, "two_people", tuple(people), active, eyes)
 
 
@@ -350,9 +359,14 @@ def person(
     turn_deg: float = 0.0,
     eyes: str = "averted",
     stop_m: float | None = None,
+    face: str = "neutral",
+    face_01: float = 1.0,
+    face_from_s: float = 0.0,
     **how: Any,
 ) -> StagedScene:
     """Return one person who does something: a motion by name with its settings, or a clip's path.
+
+    They make a `face`, as far as `face_01` says, from `face_from_s` on.
 
     `bearing_deg` is to the participant's right; with `turn_deg` 0 the person faces them. A walk
     begins `distance_m` from the participant; towards them it ends `stop_m` before the point where
@@ -370,7 +384,9 @@ def person(
     elif stop_m is not None:
         raise DesignError(f"scene person: {motion} does not come nearer; stop_m is for walk")
     does = _does(motion, how, staging.folder, character)
-    one = Standing(character, "person", x, z, 180.0 - bearing_deg + turn_deg, does, 7)
+    turn = 180.0 - bearing_deg + turn_deg
+    makes = Face(face, face_01, face_from_s)
+    one = Standing(character, "person", x, z, turn, does, 7, makes)
     return scene_of_people(staging, f"person_{motion}", (one,), "person", eyes)
 
 

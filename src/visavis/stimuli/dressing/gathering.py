@@ -42,7 +42,14 @@ def _room(people: tuple[Standing, ...], room_by: str) -> Room:
 def _motion(people: tuple[Standing, ...], casting: Casting) -> PeopleMotion:
     return PeopleMotion(
         tuple(
-            Person(build_of(casting(p.character)), p.does, p.seed, (p.x_m, 0.0, p.z_m), p.yaw_deg)
+            Person(
+                build_of(casting(p.character)),
+                p.does,
+                p.seed,
+                (p.x_m, 0.0, p.z_m),
+                p.yaw_deg,
+                p.face,
+            )
             for p in people
         )
     )

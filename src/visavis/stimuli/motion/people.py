@@ -20,6 +20,7 @@ from visavis.stimuli.motion.blending import CrossFade
 from visavis.stimuli.motion.build import Build
 from visavis.stimuli.motion.clip import Frames, Motion
 from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.faces import Face
 from visavis.stimuli.motion.kinds import (
     NUMBERS,
     Kind,
@@ -37,6 +38,7 @@ from visavis.stimuli.motion.skeleton import Skeleton
 from visavis.stimuli.picture import PosedPeople
 
 Index = npt.NDArray[np.int64]
+NEUTRAL: Final = Face()
 MOUTH: Final = [MORPHS.index("jaw_open"), MORPHS.index("smile")]
 
 
@@ -58,7 +60,8 @@ class Person:
     """One person: build, what they do, a seed of their own, and where they are.
 
     `place_m` (3,) is a point of the floor in world: below the hips of a sitter, between the feet
-    of somebody standing, where a walk starts. `heading_deg` is left of −z.
+    of somebody standing, where a walk starts. `heading_deg` is left of −z. `face` is added to what
+    lips and jaw do by themselves.
     """
 
     build: Build
@@ -66,6 +69,7 @@ class Person:
     seed: int
     place_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     heading_deg: float = 0.0
+    face: Face = NEUTRAL
 
     @property
     def plan(self) -> tuple[Doing, ...]:
@@ -200,6 +204,8 @@ class PeopleMotion:
         morphs[:, MORPHS.index("smile")] = controls[:, p.SMILE]
         for i, start_s, mouth in self._mouths:
             morphs[i, MOUTH] = mouth(t_s - start_s)
+        for i, face in self._faces:
+            morphs[i] = np.clip(morphs[i] + face.weights(t_s), -1.0, 1.0)
         look_rows(root, joints, offsets, skeleton_of, eyes, head)
         aim = gaze.aim(t_s, Look(eyes, head, front, seeds))
         aim_rows(
@@ -232,6 +238,11 @@ class PeopleMotion:
             for d in person.plan
             if isinstance(d.kind, Recorded) and d.kind.mouth is not None
         )
+
+    @cached_property
+    def _faces(self) -> tuple[tuple[int, Face], ...]:
+        """Return who makes a face."""
+        return tuple((i, q.face) for i, q in enumerate(self.people) if q.face != NEUTRAL)
 
     @cached_property
     def _around(self) -> Gaze:

@@ -5,16 +5,17 @@ World frame: the participant's eyes are above the origin and look along −z.
 
 from dataclasses import dataclass
 
+from visavis.stimuli.motion.faces import Face
 from visavis.stimuli.motion.kinds import Kind
-from visavis.stimuli.motion.people import Doing
+from visavis.stimuli.motion.people import NEUTRAL, Doing
 from visavis.stimuli.scene import Scene
 
 
 @dataclass(frozen=True)
 class Standing:
     """One person: who plays them, the name of their place, (x, z) in metres on the floor, the turn
-    about the vertical (0 faces −z, positive to their left), and what they do from the onset on, one
-    thing or several in turn.
+    about the vertical (0 faces −z, positive to their left), what they do from the onset on, one
+    thing or several in turn, and the face that they make.
     """
 
     character: str
@@ -24,6 +25,7 @@ class Standing:
     yaw_deg: float
     does: Kind | tuple[Doing, ...]
     seed: int = 0
+    face: Face = NEUTRAL
 
 
 @dataclass(frozen=True)

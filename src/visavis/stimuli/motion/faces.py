@@ -1,0 +1,57 @@
+"""Expressions of faces: which shapes go how far, from when on."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from visavis.lab.geometry import Vector
+from visavis.lab.yaml_lines import did_you_mean
+from visavis.stimuli.characters.character import MORPHS
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.rhythm_kernels import ease
+
+EXPRESSIONS: Final[Mapping[str, Mapping[str, float]]] = {
+    "neutral": {},
+    "smile": {"smile": 1.0},
+    "frown": {"smile": -0.6},
+    "open_mouth": {"jaw_open": 0.4},
+}
+"""How far shapes of a face (`MORPHS`) go; a frown draws the corners of the mouth down."""
+CHANGE_S: Final = 0.5
+"""How long a face takes to change."""
+
+
+@dataclass(frozen=True)
+class Face:
+    """An expression, how much of it, and since when.
+
+    One from 0 s on is there at the onset; a later one comes within `CHANGE_S`.
+
+    Raises:
+        MotionError: there is no such expression, or a number is out of range.
+    """
+
+    expression: str = "neutral"
+    strength_01: float = 1.0
+    from_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.expression not in EXPRESSIONS:
+            raise MotionError(
+                f"no face {self.expression!r}{did_you_mean(self.expression, EXPRESSIONS)}"
+            )
+        if not (0.0 <= self.strength_01 <= 1.0 and 0.0 <= self.from_s < np.inf):
+            raise MotionError(
+                f"face {self.expression} with strength {self.strength_01:g} from {self.from_s:g} s "
+                "on; give 0 to 1, and a time from the onset"
+            )
+
+    def weights(self, t_s: float) -> Vector:
+        """Return how far each shape of `MORPHS` goes at a time after the onset."""
+        share = 1.0 if self.from_s == 0.0 else ease((t_s - self.from_s) / CHANGE_S)
+        weights = np.zeros(len(MORPHS))
+        for shape, weight in EXPRESSIONS[self.expression].items():
+            weights[MORPHS.index(shape)] = share * self.strength_01 * weight
+        return weights

@@ -1,0 +1,79 @@
+"""People of scenes make faces: which, how much, and from when on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from visavis.lab.clock import NS_PER_S
+from visavis.stimuli.characters.character import MORPHS
+from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.faces import CHANGE_S, EXPRESSIONS
+from visavis.study.dry_run import still_view
+from visavis.study.scenes import Scene, Staging, stage
+
+
+def shapes(name, seconds, **options):
+    """Return how far each person's shapes of the face go, (people, shapes) by name."""
+    staging = Staging(np.random.default_rng(1), 8.0)
+    frame = stage(Scene(name, **options), staging, {}).frame(still_view(), 0)
+    people = picture_of(replace(frame, t_ns=round(seconds * NS_PER_S))).people
+    return {shape: people.morphs_01[:, k] for k, shape in enumerate(MORPHS)}
+
+
+def of_face(seconds=0.0, **options):
+    """Return what a face adds to the shapes of a person who idles."""
+    with_face, without = (shapes("person", seconds, **o) for o in (options, {}))
+    return {k: float(with_face[k][0] - without[k][0]) for k in MORPHS}
+
+
+@pytest.mark.parametrize("expression", EXPRESSIONS)
+@pytest.mark.parametrize("strength_01", [1.0, 0.5])
+def test_a_face_goes_as_far_as_the_study_says_from_the_onset_on(expression, strength_01):
+    moved = {k: v for k, v in of_face(face=expression, face_01=strength_01).items() if v}
+    expected = {k: strength_01 * v for k, v in EXPRESSIONS[expression].items()}
+    assert pytest.approx(expected) == moved
+
+
+def test_a_later_face_comes_within_its_time_and_stays():
+    smiles = [of_face(t, face="smile", face_from_s=2.0)["smile"] for t in (1.9, 2.25, 2.5, 7.0)]
+    assert CHANGE_S == 0.5
+    assert pytest.approx([0.0, 0.5, 1.0, 1.0]) == smiles
+
+
+@pytest.mark.parametrize(("active", "smiles"), [("left", [1.0, 0.0]), ("right", [0.0, 1.0])])
+def test_of_two_people_the_active_one_makes_the_face(active, smiles):
+    with_face = shapes("two_people", 0.0, active=active, face="smile")
+    without = shapes("two_people", 0.0, active=active)
+    assert pytest.approx(smiles) == with_face["smile"] - without["smile"]
+
+
+def test_a_face_moves_nothing_but_its_shapes():
+    staging = Staging(np.random.default_rng(1), 8.0)
+    scenes = [Scene("person", face="smile"), Scene("person")]
+    frames = [stage(scene, staging, {}).frame(still_view(), 0) for scene in scenes]
+    smiling, neutral = (picture_of(frame).people for frame in frames)
+    assert np.array_equal(neutral.orientation_wxyz, smiling.orientation_wxyz)
+    assert np.array_equal(neutral.root_m, smiling.root_m)
+
+
+def test_who_talks_while_smiling_does_both():
+    talking, smiling = (
+        shapes("person", 1.3, motion="talk", **o) for o in ({}, {"face": "smile", "face_01": 0.3})
+    )
+    assert pytest.approx(0.3) == float(smiling["smile"][0] - talking["smile"][0])
+    assert np.array_equal(talking["jaw_open"], smiling["jaw_open"])
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"face": "smlie"}, "did you mean 'smile'"),
+        ({"face": "smile", "face_01": 1.5}, "strength 1.5"),
+        ({"face": "smile", "face_from_s": -1.0}, "from -1 s"),
+    ],
+)
+def test_a_face_that_nobody_can_make_is_refused(options, says):
+    with pytest.raises(MotionError, match=says):
+        shapes("person", 0.0, **options)
