@@ -7,6 +7,7 @@ from tests.devices.bodies import FixatingBody
 from tests.devices.rigs import Rig
 from visavis.devices.contracts import DeviceState, SessionName
 from visavis.devices.sim.gaze.tracker_error import TrackerErrorModel
+from visavis.devices.sim.pupil.capture import PupilCoreSimulator
 from visavis.lab.clock_fit import offset_ns
 from visavis.lab.geometry import angle_deg
 from visavis.people.observer import Observer
@@ -226,3 +227,15 @@ def test_info_says_simulated_and_names_the_version():
     assert rig.driver.info.is_simulated
     assert rig.driver.info.model == "Core (Capture 3.5.1)"
     assert rig.driver.state is DeviceState.STREAMING
+
+
+def test_messages_of_a_stretch_are_foreseen_as_they_come_and_none_of_a_new_one():
+    body = Observer(0, 1)
+    simulator = PupilCoreSimulator(body, seed=1)
+    simulator.advance(20_000_000)
+    foreseen = simulator.arriving(100_000_000)
+    simulator.advance(100_000_000)
+    assert len(foreseen) > 5
+    assert list(simulator.outgoing(100_000_000)) == foreseen
+    body.prepare(1, 110_000_000)  # its noise is another one, drawn when its first sample is taken
+    assert simulator.arriving(200_000_000) is None
