@@ -135,6 +135,9 @@ PICTURES: Final[
     "faces.jpg": Recipe(
         ("character sheet {file} anna henrik chloe jun --at 0.5,1,2 --px-per-deg 11",)
     ),
+    "expressions.jpg": Recipe(
+        ("character sheet {file} anna karim --face neutral,smile,frown,open_mouth",)
+    ),
     "gaze_map.jpg": Recipe(
         (PEOPLE, f"gaze-map {STUDY} --by condition"), "**/gaze_map_by_condition.png"
     ),

@@ -39,6 +39,33 @@ def test_sheet_holds_two_faces_of_everybody_named(tmp_path: Path) -> None:
         assert left.tobytes() != right.tobytes()
 
 
+def test_sheet_shows_each_expression_asked_for(tmp_path: Path) -> None:
+    try:
+        Renderer().close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    sheet(tmp_path / "faces.png", "anna", "--face", "neutral, smile,frown", "--library", tmp_path)
+    with Image.open(tmp_path / "faces.png") as picture_of_all:
+        assert TITLE_PX + SHEET_TILE_PX[1] == picture_of_all.height
+        faces = [
+            picture_of_all.crop((x, TITLE_PX, x + 480, TITLE_PX + 260)).tobytes()
+            for x in (0, 480, 960)
+        ]
+    assert 3 == len(set(faces))
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [(["--face", "smlie"], "did you mean 'smile'"), (["--face", "smile", "--at", "2"], "or --at")],
+)
+def test_faces_that_cannot_be_drawn_are_refused(
+    tmp_path: Path, options: list[str], says: str
+) -> None:
+    with pytest.raises(UsageError, match=says):
+        sheet(tmp_path / "faces.png", "anna", *options)
+    assert not (tmp_path / "faces.png").exists()
+
+
 def test_sheet_without_names_shows_the_shipped_cast_where_nobody_was_imported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

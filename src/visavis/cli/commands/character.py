@@ -27,12 +27,14 @@ from visavis.cli.preview.pictures import check_picture_name
 from visavis.cli.preview.readable_gaze import LIMIT_01, readable_at
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import UsageError
+from visavis.lab.yaml_lines import did_you_mean
 from visavis.stimuli.characters.cast import cast_names, load_character
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.characters.checking import findings
 from visavis.stimuli.characters.errors import CharacterError
 from visavis.stimuli.characters.gltf import Gender
 from visavis.stimuli.characters.library import import_characters, library_names, people_in
+from visavis.stimuli.motion.faces import EXPRESSIONS
 
 characters = typer.Typer(
     help="People for scenes: list them, import your own, look at them.", no_args_is_help=True
@@ -125,6 +127,9 @@ def sheet_command(
         bool,
         typer.Option("--gaze", help="With --at: how well one sees whether they look at one."),
     ] = False,
+    face: Annotated[
+        str, typer.Option(help="Expressions side by side, such as neutral,smile,frown.")
+    ] = "",
     config: ConfigOption = None,
     library: LibraryOption = None,
 ) -> None:
@@ -140,6 +145,13 @@ def sheet_command(
     distances_m = _distances_m(at)
     if gaze and not distances_m:
         raise UsageError("--gaze needs --at with the distances in metres, such as --at 2,3.5,5")
+    expressions = tuple(filter(None, map(str.strip, face.split(","))))
+    for expression in expressions:
+        if expression not in EXPRESSIONS:
+            near = did_you_mean(expression, EXPRESSIONS)
+            raise UsageError(f"there is no face {expression!r}{near}")
+    if expressions and distances_m:
+        raise UsageError("give --face or --at: expressions are drawn at one distance")
     if not 1 <= px_per_deg <= 120:
         raise UsageError("--px-per-deg goes from 1 to 120")
     folder = library or library_of(load_lab(config, only_simulates=True, with_cast=False))
@@ -158,7 +170,7 @@ def sheet_command(
     sheet = (
         distance_sheet(people, distances_m, px_per_deg)
         if distances_m
-        else people_sheet(SHEET_TILE_PX, people)
+        else people_sheet(SHEET_TILE_PX, people, expressions)
     )
     sheet.save(png)
     say_written(png)

@@ -17,8 +17,9 @@ from visavis.stage.stills import Stills
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.casting import build_of
 from visavis.stimuli.gaze.turning import Aimed
+from visavis.stimuli.motion.faces import Face
 from visavis.stimuli.motion.kinds import Idle
-from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.motion.people import NEUTRAL, PeopleMotion, Person
 from visavis.stimuli.motion.skeleton import forward
 from visavis.stimuli.picture import Picture
 from visavis.stimuli.rooms.portrait import portrait_studio
@@ -30,17 +31,24 @@ FRAME_M = 0.42
 TILE_PX = 240
 
 
-def people_sheet(size_px: tuple[int, int], people: Sequence[Character]) -> Image.Image:
-    """Return faces from the front and turned, each `size_px`, with their names."""
+def people_sheet(
+    size_px: tuple[int, int], people: Sequence[Character], expressions: Sequence[str] = ()
+) -> Image.Image:
+    """Return faces, each `size_px`, with names: from the front and turned, or a row of expressions
+    from the front for each person.
+    """
+    views = [(0.0, Face(expression), expression) for expression in expressions]
     tiles = []
     with Stills() as stills:
         for character in people:
-            for yaw_deg in (0.0, TURNED_DEG):
-                picture, eyes_m = portrait(character, yaw_deg)
+            name = f"{character.name}, {character.stature_m:.2f} m"
+            for yaw_deg, face, label in views or [(a, NEUTRAL, name) for a in (0.0, TURNED_DEG)]:
+                picture, eyes_m = portrait(character, yaw_deg, face)
                 camera = face_camera(eyes_m, yaw_deg, size_px[0] / size_px[1])
                 image = stills.image(picture, camera, size_px)
-                tiles.append(add_label(image, f"{character.name}, {character.stature_m:.2f} m"))
-    return contact_sheet(tiles, "everybody at 1.1 m, looking at the camera", COLUMNS)
+                tiles.append(add_label(image, f"{character.name}, {label}" if views else label))
+    columns = len(views) * max(COLUMNS // len(views), 1) if views else COLUMNS
+    return contact_sheet(tiles, "everybody at 1.1 m, looking at the camera", columns)
 
 
 def distance_sheet(
@@ -69,11 +77,11 @@ def distance_sheet(
     return contact_sheet(tiles, title, in_a_row * len(distances_m))
 
 
-def portrait(character: Character, yaw_deg: float) -> tuple[Picture, Vector]:
+def portrait(character: Character, yaw_deg: float, face: Face = NEUTRAL) -> tuple[Picture, Vector]:
     """Return a character who stands and looks at a camera `yaw_deg` to the side of its nose, and
     the middle (3,) of its eyes.
     """
-    person = Person(build_of(character), Idle(), 7, (0.0, 0.0, 0.0), 180.0)
+    person = Person(build_of(character), Idle(), 7, (0.0, 0.0, 0.0), 180.0, face)
     motion = PeopleMotion((person,))
     angle = np.radians(yaw_deg)
     towards = unit(np.array([np.sin(angle), 0.04, np.cos(angle)]))
