@@ -7,6 +7,10 @@ import pytest
 
 from benchmarks.import_graph import SourceFile, read_package
 from benchmarks.mutants import (
+    FILES_RUN,
+    Change,
+    Copy,
+    Mutant,
     Outcome,
     changed,
     changes_in,
@@ -93,3 +97,26 @@ def test_a_test_that_fails_without_a_mutant_kills_none() -> None:
     assert "| lab | 1 | 0 | 0 | 1 |" in made
     assert "| all | 3 | 0 | 1 | 2 |" in made
     assert "- `visavis.lab.a:1 a < b => (a <= b)`" in made
+
+
+@pytest.mark.parametrize(
+    ("tier", "where", "kills"),
+    [("first", "near", {0}), ("second", "near", {1}), ("first", "far", {2}), ("", "far", {9})],
+)
+def test_files_farther_off_are_run_where_the_nearest_notice_nothing(
+    tmp_path: Path, tier: str, where: str, kills: set[int]
+) -> None:
+    near, far = [f"tests/near_{i}.py" for i in range(FILES_RUN)], ["tests/far.py"]
+    (tmp_path / "product.py").write_text("def f(a):\n    return a + 1\n", "utf-8")
+    copy, runs = object.__new__(Copy), []
+
+    def run(words: list[str]) -> str:
+        runs.append(words[3:])
+        return "a test" if len(runs) - 1 in kills else ""
+
+    copy.root, copy.run = tmp_path, run  # type: ignore[method-assign]
+    mutant = Mutant("product", "product.py", Change(2, 11, 16, "a + 1", "a - 1"))
+    outcome = copy.with_mutant(mutant, [*near, *far])
+    assert tier == outcome.tier
+    assert (near if where == "near" else far) == runs[-1]
+    assert "def f(a):\n    return a + 1\n" == (tmp_path / "product.py").read_text("utf-8")
