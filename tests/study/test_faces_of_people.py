@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import DesignError
 from visavis.stimuli.characters.character import MORPHS
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.motion.errors import MotionError
@@ -77,3 +78,28 @@ def test_who_talks_while_smiling_does_both():
 def test_a_face_that_nobody_can_make_is_refused(options, says):
     with pytest.raises(MotionError, match=says):
         shapes("person", 0.0, **options)
+
+
+def test_a_scene_without_faces_says_so():
+    with pytest.raises(DesignError, match="nobody in scene audience makes faces"):
+        shapes("audience", 0.0, face="smile")
+
+
+def test_a_misspelt_face_option_is_named():
+    with pytest.raises(DesignError, match="did you mean 'face_01'"):
+        shapes("person", 0.0, face="smile", face_1=0.5)
+
+
+def test_a_scene_that_takes_a_face_of_its_own_is_given_it():
+    given = []
+
+    def by_name(staging, *, face):
+        given.append(face)
+        return stage(Scene("person"), staging, {})
+
+    def any_option(staging, **options):
+        return by_name(staging, **options)
+
+    for maker in (by_name, any_option):
+        stage(Scene("mine", face="grin"), Staging(np.random.default_rng(1), 8.0), {"mine": maker})
+    assert ["grin", "grin"] == given

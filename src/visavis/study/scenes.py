@@ -44,7 +44,6 @@ from visavis.stimuli.motion.kinds import (
     Wave,
 )
 from visavis.stimuli.motion.motion_file import MOTION_SUFFIXES, read_motion
-from visavis.stimuli.motion.people import NEUTRAL
 from visavis.stimuli.moving_heads import MovingHeads, moving_heads
 from visavis.stimuli.own_room import PlacedRoom, Room
 from visavis.stimuli.room_shape import areas_of_room
@@ -75,6 +74,9 @@ ROOM: Final = "room"
 """The scene of a laboratory's own room with nobody in it, which `t.show(Room(…))` makes."""
 PAIR: Final = "pair"
 """The scene that shows two others side by side: `Scene("pair", left=Scene(…), right=Scene(…))`."""
+FACE_OPTIONS: Final = ("face", "face_01", "face_from_s")
+"""What a scene of people takes beside its own options: the face of the active person."""
+AROUND: Final = ("room", *FACE_OPTIONS)
 BESIDE_M: Final = 0.75
 """Distance from the middle of a pair to the middle of each of its scenes."""
 AVERTED_DEG: Final = 25.0
@@ -321,21 +323,15 @@ def two_people(
     apart_deg: float = 32.0,
     left: str = "female_01",
     right: str = "male_01",
-    face: str = "neutral",
-    face_01: float = 1.0,
-    face_from_s: float = 0.0,
 ) -> StagedScene:
     """Return two people who sit beside each other and face the participant.
 
     The `active` one ("left" or "right") looks at the participant ("directed") or past them
-    ("averted") and makes the `face`, as far as `face_01` says, from `face_from_s` on; the other
-    always looks past with a neutral one.
+    ("averted"); the other always looks past.
 
     Raises:
         DesignError: an option is none of these.
-        MotionError: there is no such face.
     """
-    makes = Face(face, face_01, face_from_s)
     sides = ("left", "right")
     _one_of("two_people", "active", active, sides)
     _one_of("two_people", "eyes", eyes, EYES)
@@ -344,8 +340,7 @@ def two_people(
         bearing = np.radians(sign * apart_deg / 2)
         x, z = distance_m * float(np.sin(bearing)), -distance_m * float(np.cos(bearing))
         turn = 180.0 - sign * apart_deg / 2
-        own = makes if side == active else NEUTRAL
-        people.append(Standing(character, side, x, z - 0.16, turn, Sit(hands="lap"), 11, own))
+        people.append(Standing(character, side, x, z - 0.16, turn, Sit(hands="lap"), 11))
     return scene_of_people(staging, "two_people", tuple(people), active, eyes)
 
 
@@ -359,14 +354,9 @@ def person(
     turn_deg: float = 0.0,
     eyes: str = "averted",
     stop_m: float | None = None,
-    face: str = "neutral",
-    face_01: float = 1.0,
-    face_from_s: float = 0.0,
     **how: Any,
 ) -> StagedScene:
     """Return one person who does something: a motion by name with its settings, or a clip's path.
-
-    They make a `face`, as far as `face_01` says, from `face_from_s` on.
 
     `bearing_deg` is to the participant's right; with `turn_deg` 0 the person faces them. A walk
     begins `distance_m` from the participant; towards them it ends `stop_m` before the point where
@@ -384,9 +374,7 @@ def person(
     elif stop_m is not None:
         raise DesignError(f"scene person: {motion} does not come nearer; stop_m is for walk")
     does = _does(motion, how, staging.folder, character)
-    turn = 180.0 - bearing_deg + turn_deg
-    makes = Face(face, face_01, face_from_s)
-    one = Standing(character, "person", x, z, turn, does, 7, makes)
+    one = Standing(character, "person", x, z, 180.0 - bearing_deg + turn_deg, does, 7)
     return scene_of_people(staging, f"person_{motion}", (one,), "person", eyes)
 
 
@@ -460,11 +448,10 @@ def _place_of(name: str, room: object, staging: Staging) -> PlacedRoom:
     return PlacedRoom.of(room, staging.folder, staging.screen)
 
 
-def _in_room(maker: Maker, scene: Scene, staging: Staging) -> StagedScene:
-    """Make a scene, in a laboratory's own room."""
-    options = dict(scene.options)
-    room_place = _place_of(scene.name, options.pop("room"), staging)
-    areas, staged_scene = areas_of_room(room_place), maker(staging, **options)
+def _in_room(staged_scene: StagedScene, scene: Scene, staging: Staging) -> StagedScene:
+    """Return a scene in a laboratory's own room."""
+    room_place = _place_of(scene.name, scene.options["room"], staging)
+    areas = areas_of_room(room_place)
     if not isinstance(staged_scene, WithEyes):
         raise DesignError(f"scene {scene.name} has a place of its own; leave out room")
     for area in areas.areas:
@@ -475,6 +462,23 @@ def _in_room(maker: Maker, scene: Scene, staging: Staging) -> StagedScene:
             )
     staged_scene.scene = replace(staged_scene.scene, room=room_place)
     staged_scene.areas = (areas,)
+    return staged_scene
+
+
+def _with_face(
+    staged_scene: StagedScene,
+    scene: Scene,
+    face: str = "neutral",
+    face_01: float = 1.0,
+    face_from_s: float = 0.0,
+) -> StagedScene:
+    """Return a scene whose active person makes a face, so much of it, from then on."""
+    gathering = staged_scene.scene
+    if not (isinstance(staged_scene, WithEyes) and isinstance(gathering, GatheringScene)):
+        raise DesignError(f"nobody in scene {scene.name} makes faces; leave out face")
+    people, who = list(gathering.people), staged_scene.roles["active"]
+    people[who] = replace(people[who], face=Face(face, face_01, face_from_s))
+    staged_scene.scene = replace(gathering, people=tuple(people))
     return staged_scene
 
 
@@ -652,14 +656,22 @@ def stage(scene: Scene, staging: Staging, own: Mapping[str, Maker]) -> StagedSce
     if maker is None:
         names = tuple(n for n in makers if n not in (FLAT, ROOM))
         raise DesignError(f"there is no scene {name!r}{_nearest_of(name, names)}")
-    if (option_names := _option_names(name, maker, scene.options)) is not None:
-        for option in scene.options:
-            if option not in (*option_names, "room"):
-                raise DesignError(unknown_argument(f"scene {name}", option, option_names))
+    option_names = _option_names(name, maker, scene.options)
+    # What holds for scenes of any maker, where the maker does not take it itself.
+    outer = ("room",) if option_names is None else AROUND
+    inner = option_names or ()
+    around = {k: v for k, v in scene.options.items() if k in outer and k not in inner}
+    own_options = {k: v for k, v in scene.options.items() if k not in around}
+    if option_names is not None:
+        for option in own_options:
+            if option not in option_names:
+                choices = (*option_names, *AROUND)
+                raise DesignError(unknown_argument(f"scene {name}", option, choices))
     try:
-        if "room" in scene.options and "room" not in (option_names or ()):
-            return _in_room(maker, scene, staging)
-        return maker(staging, **scene.options)
+        staged_scene = maker(staging, **own_options)
+        if faces := {k: v for k, v in around.items() if k in FACE_OPTIONS}:
+            staged_scene = _with_face(staged_scene, scene, **faces)
+        return _in_room(staged_scene, scene, staging) if "room" in around else staged_scene
     except TypeError as error:
         raise DesignError(f"scene {name}: {str(error).partition('() ')[2] or error}") from error
 
