@@ -20,6 +20,7 @@ from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import Mark
 from visavis.recording.cached import CachedRecording
 from visavis.running.film_store import film_store
+from visavis.running.page.flat import view_turns
 from visavis.running.page.other_hosts.bundle import files_of, steps_of_place
 from visavis.running.page.perform import perform_new
 from visavis.running.page.replies import check_reply
@@ -333,3 +334,8 @@ def test_a_page_gets_what_the_left_eye_sees_at_most_4096_pixels_wide(tmp_path: P
         picture = Files.open(io.BytesIO(store.assets[one["picture"]]))
         assert size_px == picture.size
         assert (200, 200, 200) == picture.convert("RGB").getpixel((5, 5))
+
+
+def test_a_frame_of_a_turning_view_lasts_as_long_as_the_page_says() -> None:
+    reply = Reply({"frame_ms": 20.0}, 0, lambda at_ms: round(at_ms * NS_PER_MS))
+    assert 20 * NS_PER_MS == view_turns([], reply).frame_ns
