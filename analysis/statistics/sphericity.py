@@ -48,9 +48,13 @@ def sphericity(errors: Array, df: int, F: float, df1: int, *, n_cells: int) -> S
     """
     q = errors.shape[1]
     S = errors.T @ errors / df
-    # A handful of numbers: Python's own arithmetic costs less than calls for arrays.
+    # A handful of numbers: Python's own arithmetic costs less than calls for arrays. They are shares
+    # of the largest, because squares of small errors would be nothing.
     eigenvalues: list[float] = np.linalg.eigvalsh(S).tolist()
-    gg = sum(eigenvalues) ** 2 / (q * sum(value**2 for value in eigenvalues))
+    if eigenvalues[-1] > 0:
+        eigenvalues = [value / eigenvalues[-1] for value in eigenvalues]
+    squares = q * sum(value**2 for value in eigenvalues)
+    gg = sum(eigenvalues) ** 2 / squares if squares > 0 else math.nan
     hf = ((df + 1) * q * gg - 2) / (q * (df - q * gg)) if df > q * gg else float("inf")
     df2 = df * q
     hf_used = min(1.0, hf)
@@ -71,6 +75,8 @@ def sphericity(errors: Array, df: int, F: float, df1: int, *, n_cells: int) -> S
 
 
 def _mauchly_p(W: float, q: int, df: int, series_q: int) -> float:
+    if W <= 0:  # rounded to nothing, as where contrasts of many levels hardly differ from singular
+        return 0.0
     rho = 1 - (2 * q**2 + q + 2) / (6 * q * df)
     z = -df * rho * math.log(W)
     f = q * (q + 1) / 2 - 1

@@ -82,10 +82,10 @@ class KeyTimes:
         segment, h = np.empty(t.shape, np.int64), np.empty(t.shape)
         is_finite = locate_rows(
             t.ravel(),
-            self.t_s[0],
+            float(self.t_s[0]),
             self._starts_s,
             self.segment_s,
-            self.period_s or 0.0,
+            float(self.period_s or 0.0),
             self.is_closed or not self.extrapolate,
             segment.reshape(-1),
             h.reshape(-1),
