@@ -27,7 +27,7 @@ from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.running.quick import answers_of
 from visavis.stimuli.contact.body import ARM_JOINTS, capsule_body
 from visavis.stimuli.contact.figures import crowd_figures
-from visavis.stimuli.contact.touch import REACH_M, rows_touching
+from visavis.stimuli.contact.touch import no_poses, rows_touching
 from visavis.stimuli.scenes.station_crowd import (
     START_M,
     CrowdScene,
@@ -87,6 +87,7 @@ def quick_walk(
     participant.prepare(trial.number + (100_000 if trial.is_practice else 0), start_ns)
     vibrates = bool(trial.factors["vibrates"])
     people = people_of_crowd(crowd)
+    last = no_poses(len(people))
     figures, arms = crowd_figures(), capsule_body(participant.person.stature_m, ARM_JOINTS)
     limit_ns = start_ns + round(params.limit_s * NS_PER_S)
     offsets = np.arange(0, LOOK_NS, STEP_NS)
@@ -123,7 +124,7 @@ def quick_walk(
                 arms.end_m,
                 arms.radius_m,
                 people,
-                REACH_M,
+                last,
                 figures,
             )
             n_touching += n

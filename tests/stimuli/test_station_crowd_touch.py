@@ -25,6 +25,8 @@ from visavis.stimuli.contact.touch import (
     FRONT_M,
     NEARER_WAITING_M,
     REACH_M,
+    TELEPHONING_M_S,
+    WAITING_M_S,
     TouchSensor,
     segment_distance,
 )
@@ -80,6 +82,41 @@ def test_touches_equal_brute_force_over_every_pair(seed, configuration, t_s):
     touched = TouchSensor(crowd).touches(starts, ends, arms.radius_m, t_s)
     expected = brute_force(crowd, starts, ends, arms.radius_m, t_s)
     assert {(t.part, t.person): pytest.approx(t.depth_m, abs=1e-9) for t in touched} == expected
+
+
+def test_a_sensor_asked_before_finds_what_a_fresh_one_finds():
+    crowd = station_crowd(2)
+    arms, sensor = capsule_body(1.75, ARM_JOINTS), TouchSensor(crowd)
+    person = people_of(crowd)[:1].copy()
+    rng = np.random.default_rng(4)
+    t_s, found = 0.0, 0
+    for step in range(1000):
+        # Steps of a frame, now and then a stop, a leap in time, also back.
+        t_s += (0.0, 30.0, -12.0)[step // 70 % 3] if step % 70 == 0 else 1 / 90
+        person[0, :3] = *(np.sin(step / 150 + np.arange(2)) * 3), rng.uniform(-np.pi, np.pi)
+        starts, ends = arms.posed(*(p[0] for p in crowd_poses(person, t_s)))
+        fresh = TouchSensor(crowd).touches(starts, ends, arms.radius_m, t_s)
+        assert fresh == sensor.touches(starts, ends, arms.radius_m, t_s)
+        found += len(fresh)
+    assert found > 200
+
+
+def test_nobody_moves_faster_than_a_pose_is_trusted():
+    apart_s = 1 / 90
+    for configuration in range(1, 9):
+        crowd = station_crowd(configuration)
+        people = people_of(crowd)
+        phones = people[:, 4] > 0.5
+        for t_s in np.linspace(0, 600, 16):
+            ends_m = np.empty((2, len(crowd), 38, 3))
+            for k in range(2):
+                position, world = crowd_poses(people, float(t_s) + k * apart_s)
+                for i in range(len(crowd)):
+                    body = figure_of(crowd, i)
+                    ends_m[k, i] = np.concatenate(body.posed(position[i], world[i]))
+            m_s = np.linalg.norm(ends_m[1] - ends_m[0], axis=-1).max(axis=1) / apart_s
+            assert m_s[~phones].max() < WAITING_M_S
+            assert m_s[phones].max() < TELEPHONING_M_S
 
 
 @settings(max_examples=40, deadline=None)

@@ -1,7 +1,7 @@
 """Which people a tracked participant's capsules touch, per sample, fast enough for every frame.
 
-A circle and a box leave the few people who stand near; only those are posed and compared,
-capsule by capsule.
+A circle and a box leave the few people who stand near. Of those, only who may have moved into a
+capsule since last posed is posed anew and compared, capsule by capsule.
 """
 
 from typing import Final, NamedTuple
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
+from visavis.stimuli.contact.body import CAPSULE_JOINTS
 from visavis.stimuli.contact.figures import Figures, crowd_figures
 from visavis.stimuli.contact.idle import N_JOINTS, N_PERSON, people_of, place_person
 from visavis.stimuli.scenes.station_crowd import Crowd
@@ -28,6 +29,22 @@ ELBOW_ASIDE_M: Final = 0.57
 what 4,800 seeds of twelve people reached within a quarter of an hour.
 """
 MAX_TOUCHES: Final = 64
+WAITING_M_S: Final = 0.5
+TELEPHONING_M_S: Final = 2.0
+"""No part of an idle person moves faster than this; three thousand seeds of twelve people reached
+0.22 and 0.92 m/s."""
+
+
+class LastPoses(NamedTuple):
+    """The capsules of n people as they were last posed: when (n,), and both ends (n, 2, 19, 3)."""
+
+    t_s: Vector
+    ends_m: Vector
+
+
+def no_poses(n: int) -> LastPoses:
+    """Return room for the poses of n people of whom none is posed yet."""
+    return LastPoses(np.full(n, np.inf), np.zeros((n, 2, len(CAPSULE_JOINTS), 3)))
 
 
 class Touch(NamedTuple):
@@ -147,50 +164,113 @@ def _any_near(starts: Vector, ends: Vector, radii: Vector, person: Vector, reach
 
 
 @compiled
+def _box_of(starts: Vector, ends: Vector, radii: Vector, low: Vector, high: Vector) -> None:
+    """Write the corners (3,) of the box about capsules; those with a NaN are left out."""
+    low[:], high[:] = np.inf, -np.inf
+    for k in range(starts.shape[0]):
+        r = radii[k]
+        if not np.isfinite(starts[k].sum() + ends[k].sum()):
+            continue
+        for axis in range(3):
+            low[axis] = min(low[axis], starts[k, axis] - r, ends[k, axis] - r)
+            high[axis] = max(high[axis], starts[k, axis] + r, ends[k, axis] + r)
+
+
+@compiled
+def _capsules_in(
+    low: Vector,
+    high: Vector,
+    beyond_m: float,
+    starts: Vector,
+    ends: Vector,
+    radii: Vector,
+    which: npt.NDArray[np.int64],
+) -> int:
+    """Write which capsules' boxes come within `beyond_m` of a box; return how many."""
+    n = 0
+    for c in range(starts.shape[0]):
+        r = radii[c] + beyond_m
+        # Without branches, which nothing could predict here.
+        if (
+            (max(starts[c, 0], ends[c, 0]) + r >= low[0])
+            & (min(starts[c, 0], ends[c, 0]) - r <= high[0])
+            & (max(starts[c, 1], ends[c, 1]) + r >= low[1])
+            & (min(starts[c, 1], ends[c, 1]) - r <= high[1])
+            & (max(starts[c, 2], ends[c, 2]) + r >= low[2])
+            & (min(starts[c, 2], ends[c, 2]) - r <= high[2])
+        ):
+            which[n] = c
+            n += 1
+    return n
+
+
+@compiled
+def _is_apart(a: Vector, b: Vector, c: Vector, d: Vector, r: float) -> bool:
+    """Return whether the boxes of segments a–b and c–d are farther apart than r along an axis."""
+    return bool(
+        (max(a[0], b[0]) < min(c[0], d[0]) - r)
+        | (min(a[0], b[0]) > max(c[0], d[0]) + r)
+        | (max(a[1], b[1]) < min(c[1], d[1]) - r)
+        | (min(a[1], b[1]) > max(c[1], d[1]) + r)
+        | (max(a[2], b[2]) < min(c[2], d[2]) - r)
+        | (min(a[2], b[2]) > max(c[2], d[2]) + r)
+    )
+
+
+@compiled
 def find_touches(
     part_starts: Vector,
     part_ends: Vector,
     part_radii: Vector,
     people: Vector,
+    last: LastPoses,
     t_s: float,
-    reach_m: float,
     figures: Figures,
-    who: npt.NDArray[np.int64],
-    how: Vector,
+    found: Vector,
 ) -> int:
-    """Write touches to `who` (k, 3) and `how` (k, 4: depth, point); return how many.
+    """Write touches (k, 7) as the numbers of a `Touch` in their order; return how many.
 
-    `people` as `idle.people_of`. One touch per part and person, where it is deepest. Parts with
-    a NaN touch nothing.
+    `people` as `idle.people_of`; who is posed is written to `last`. One touch per part and person,
+    where it is deepest. Parts with a NaN touch nothing.
     """
     n_parts, n_capsules = part_starts.shape[0], figures.columns.shape[0]
-    low_x = low_z = np.inf
-    high_x = high_z = -np.inf
-    for k in range(n_parts):
-        r = part_radii[k]
-        if not np.isfinite(part_starts[k, 0] + part_ends[k, 0]):
-            continue
-        low_x = min(low_x, part_starts[k, 0] - r, part_ends[k, 0] - r)
-        high_x = max(high_x, part_starts[k, 0] + r, part_ends[k, 0] + r)
-        low_z = min(low_z, part_starts[k, 2] - r, part_ends[k, 2] - r)
-        high_z = max(high_z, part_starts[k, 2] + r, part_ends[k, 2] + r)
+    low, high, near = np.empty(3), np.empty(3), np.empty(n_capsules, np.int64)
+    _box_of(part_starts, part_ends, part_radii, low, high)
     # Work space for posing one person, used again for everybody.
     root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
     position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
-    starts, ends = np.empty((n_capsules, 3)), np.empty((n_capsules, 3))
     point = np.empty(3)
     n_touches = 0
     for i in range(people.shape[0]):
-        # Two cheap tests before somebody is posed: the box of all parts, then part by part.
-        dx = max(low_x - people[i, 0], 0.0, people[i, 0] - high_x)
-        dz = max(low_z - people[i, 1], 0.0, people[i, 1] - high_z)
-        reach = reach_m if people[i, 4] > 0.5 else reach_m - NEARER_WAITING_M
+        # Three cheap tests before somebody is posed: the box of all parts, part by part against
+        # the box of the person, and against the last pose.
+        dx = max(low[0] - people[i, 0], 0.0, people[i, 0] - high[0])
+        dz = max(low[2] - people[i, 1], 0.0, people[i, 1] - high[2])
+        telephones = people[i, 4] > 0.5
+        reach = REACH_M if telephones else REACH_M - NEARER_WAITING_M
         if not dx * dx + dz * dz <= reach * reach:
             continue
         if not _any_near(part_starts, part_ends, part_radii, people[i], reach):
             continue
-        place_person(people[i], t_s, figures, root, local, position, world)
         person = int(people[i, 15])
+        starts, ends = last.ends_m[i, 0], last.ends_m[i, 1]
+        radius = figures.radius_m[person]
+        speed_m_s = TELEPHONING_M_S if telephones else WAITING_M_S
+        moved_m = speed_m_s * abs(t_s - last.t_s[i])
+        n_near = _capsules_in(low, high, moved_m, starts, ends, radius, near)
+        may_touch = False
+        for k in range(n_parts):
+            for c in near[:n_near]:
+                r = part_radii[k] + radius[c] + moved_m
+                square = segment_distance(part_starts[k], part_ends[k], starts[c], ends[c], point)
+                if square < r * r:
+                    may_touch = True
+                    break
+            if may_touch:
+                break
+        if not may_touch:
+            continue
+        place_person(people[i], t_s, figures, root, local, position, world)
         pose_capsules(
             position[0],
             world[0],
@@ -201,34 +281,26 @@ def find_touches(
             starts,
             ends,
         )
-        radius = figures.radius_m[person]
+        last.t_s[i] = t_s
+        n_near = _capsules_in(low, high, 0.0, starts, ends, radius, near)
         for k in range(n_parts):
             # Of one part and one person only the deepest pair of capsules is a touch.
             deepest = 0.0
             at = -1
-            for c in range(n_capsules):
+            for c in near[:n_near]:
                 r = part_radii[k] + radius[c]
-                is_apart = False
-                for axis in range(3):
-                    low = min(starts[c, axis], ends[c, axis]) - r
-                    high = max(starts[c, axis], ends[c, axis]) + r
-                    if (
-                        max(part_starts[k, axis], part_ends[k, axis]) < low
-                        or min(part_starts[k, axis], part_ends[k, axis]) > high
-                    ):
-                        is_apart = True
-                if is_apart:
+                if _is_apart(part_starts[k], part_ends[k], starts[c], ends[c], r):
                     continue
                 square = segment_distance(part_starts[k], part_ends[k], starts[c], ends[c], point)
                 if square < r * r:
                     depth = r - np.sqrt(square)
                     if depth > deepest:
                         deepest, at = depth, c
-                        if n_touches < who.shape[0]:
-                            how[n_touches, 1], how[n_touches, 2], how[n_touches, 3] = point
-            if at >= 0 and n_touches < who.shape[0]:
-                who[n_touches, 0], who[n_touches, 1], who[n_touches, 2] = k, i, at
-                how[n_touches, 0] = deepest
+                        if n_touches < found.shape[0]:
+                            found[n_touches, 4:] = point
+            if at >= 0 and n_touches < found.shape[0]:
+                found[n_touches, 0], found[n_touches, 1], found[n_touches, 2] = k, i, at
+                found[n_touches, 3] = deepest
                 n_touches += 1
     return n_touches
 
@@ -243,22 +315,33 @@ def rows_touching(
     end_m: Vector,
     radius_m: Vector,
     people: Vector,
-    reach_m: float,
+    last: LastPoses,
     figures: Figures,
 ) -> int:
-    """Return at how many steps of a moving body, (n, 22, 3) and (n, 22, 4), it touches anybody."""
+    """Return at how many steps of a moving body, (n, 22, 3) and (n, 22, 4), it touches anybody.
+
+    `people` and `last` as in `find_touches`.
+    """
     m = columns.shape[0]
     starts, ends = np.empty((m, 3)), np.empty((m, 3))
-    who, how = np.empty((1, 3), np.int64), np.empty((1, 4))
+    found = np.empty((1, 7))
     touching = 0
     for i in range(positions.shape[0]):
         pose_capsules(positions[i], worlds[i], columns, start_m, end_m, 1.0, starts, ends)
-        n_touches = find_touches(
-            starts, ends, radius_m, people, crowd_t_s[i], reach_m, figures, who, how
-        )
+        n_touches = find_touches(starts, ends, radius_m, people, last, crowd_t_s[i], figures, found)
         # Room for one touch is enough: only whether there is any counts.
         touching += n_touches > 0
     return touching
+
+
+def touches_of(found: Vector) -> tuple[Touch, ...]:
+    """Return rows (n, 7) that `find_touches` wrote as touches."""
+    return tuple(
+        [
+            Touch(int(part), int(person), int(person_part), depth_m, (x, y, z))
+            for part, person, person_part, depth_m, x, y, z in found.tolist()
+        ]
+    )
 
 
 class TouchSensor:
@@ -266,9 +349,9 @@ class TouchSensor:
 
     def __init__(self, crowd: Crowd) -> None:
         self._people = people_of(crowd) if len(crowd) else np.empty((0, N_PERSON))
+        self._last = no_poses(len(self._people))
         self._figures = crowd_figures()
-        self._who = np.empty((MAX_TOUCHES, 3), np.int64)
-        self._how = np.empty((MAX_TOUCHES, 4))
+        self._found = np.empty((MAX_TOUCHES, 7))
 
     def touches(
         self, starts_m: Vector, ends_m: Vector, radii_m: Vector, crowd_t_s: float
@@ -277,10 +360,7 @@ class TouchSensor:
         n = self.count(starts_m, ends_m, radii_m, crowd_t_s)
         if not n:
             return ()
-        return tuple(
-            Touch(who[0], who[1], who[2], how[0], (how[1], how[2], how[3]))
-            for who, how in zip(self._who[:n].tolist(), self._how[:n].tolist(), strict=True)
-        )
+        return touches_of(self._found[:n])
 
     def count(self, starts_m: Vector, ends_m: Vector, radii_m: Vector, crowd_t_s: float) -> int:
         """Return how many touches there are, without describing them."""
@@ -289,9 +369,8 @@ class TouchSensor:
             ends_m,
             radii_m,
             self._people,
+            self._last,
             crowd_t_s,
-            REACH_M,
             self._figures,
-            self._who,
-            self._how,
+            self._found,
         )
