@@ -120,7 +120,15 @@ def _armband() -> list[Row]:
 def _warping() -> list[Row]:
     case = stage_case(case_named("view_change"), load_character("anna"))
     return [
-        Row(row["name"], row["value"], row["unit"], at_least=True) for row in warping.steps(case)
+        Row(
+            row["name"],
+            row["value"],
+            row["unit"],
+            at_least=True,
+            floor=row.get("floor"),
+            floor_name=row.get("floor_name", ""),
+        )
+        for row in warping.steps(case)
     ]
 
 

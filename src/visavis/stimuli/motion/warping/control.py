@@ -192,7 +192,7 @@ def linearise(
     2 w + 1 renders: central differences over the units.
     """
     still = np.zeros((1, len(situation.units)))
-    probes = np.concatenate([still, _probes(situation, settings.probe_deg)]) + omega_rad
+    probes = np.concatenate([still, probes_of(situation, settings.probe_deg)]) + omega_rad
     ids, before = _ids(situation, probes, pool, settings.threads)
     features = values_of(situation.targets, ids[:1], None if before is None else before[:1])[0]
     fine = fine_values_of(situation.targets, ids[1:], None if before is None else before[1:])
@@ -206,13 +206,13 @@ def _wide_slopes(
     pool: ThreadPoolExecutor | None,
 ) -> Vector:
     """Return derivatives (f, w) per radian over the wide probe: 2 w renders."""
-    probes = _probes(situation, settings.wide_probe_deg) + omega_rad
+    probes = probes_of(situation, settings.wide_probe_deg) + omega_rad
     features = fine_values_of(situation.targets, *_ids(situation, probes, pool, settings.threads))
     return _slopes(features, settings.wide_probe_deg)
 
 
-def _probes(situation: Situation, probe_deg: float) -> Vector:
-    """Return one unit after the other turned forth, then back (2 w, w)."""
+def probes_of(situation: Situation, probe_deg: float) -> Vector:
+    """Return offsets (2 w, w): one unit after the other turned forth, then back."""
     forth = np.radians(probe_deg) * np.eye(len(situation.units))
     return np.concatenate([forth, -forth])
 

@@ -20,10 +20,13 @@ from visavis.stimuli.motion.warping.raster_kernels import (
     Bytes,
     Faces,
     Floats,
+    Ground,
     Moving,
+    Posed,
     Skin,
     joint_matrices,
     perceive,
+    pose_first,
     skin_points,
 )
 from visavis.stimuli.picture import StaticMesh
@@ -51,6 +54,15 @@ class SeenBody:
         """The vertices as the kernels read them."""
         return Skin(self.rest, self.joints, self.weights)
 
+    @property
+    def faces(self) -> Faces:
+        """The triangles as the kernels read them."""
+        return Faces(self.triangles, self.labels)
+
+    def first_in(self, view: Outlook, matrices: Floats) -> Posed:
+        """Return the body in a pose (55, 3, 4) as a view sees it."""
+        return pose_first(self.skin, self.faces, matrices, view.eye, *view.size_px)
+
     @cached_property
     def _moving_of(self) -> dict[bytes, Moving]:
         return {}
@@ -65,7 +77,7 @@ class SeenBody:
             moving = Moving(
                 np.flatnonzero(vertex),
                 Faces(self.triangles[triangle], self.labels[triangle]),
-                Faces(self.triangles[~triangle], self.labels[~triangle]),
+                ~triangle,
             )
             if len(self._moving_of) >= MAX_KNOWN:
                 self._moving_of.clear()
@@ -166,10 +178,10 @@ def perceived_parts(
     if len(matrices) == 0:
         return ids
     # Poses that move the same joints share the still rest of the body, which is drawn once.
-    groups = _poses_alike(body, matrices)
+    groups, first = poses_alike(body, matrices), body.first_in(view, matrices[0])
 
     def work(share: Sequence[tuple[Moving, npt.NDArray[np.int64]]]) -> None:
-        _perceive_groups(body, view, matrices, share, ids)
+        _perceive_groups(body, view, first, matrices, share, ids)
 
     if pool is None or threads < 2 or len(matrices) < threads:
         work(groups)
@@ -189,8 +201,9 @@ def seen_and_free_parts(
     free, visible = _unknown_parts(view, len(matrices)), _unknown_parts(view, len(matrices))
     nothing = replace(view, behind=np.zeros_like(view.behind))
     if len(matrices):
-        groups = _poses_alike(body, matrices)
-        _perceive_groups(body, nothing, matrices, groups, free, (view.behind, visible))
+        groups = poses_alike(body, matrices)
+        first = body.first_in(nothing, matrices[0])
+        _perceive_groups(body, nothing, first, matrices, groups, free, (view.behind, visible))
     return visible, free
 
 
@@ -205,27 +218,38 @@ def _unknown_parts(view: Outlook, n: int) -> Bytes:
 def _perceive_groups(
     body: SeenBody,
     view: Outlook,
+    first: Posed,
     matrices: Floats,
     groups: Sequence[tuple[Moving, npt.NDArray[np.int64]]],
     ids: Bytes,
     before_and_visible: tuple[Floats, Bytes] = _NOTHING_BEFORE,
 ) -> None:
-    for moving, rows in groups:
+    # The more moves, the less is still: what is drawn for one group serves those that move less.
+    drawn: list[tuple[Moving, Ground]] = []
+    for moving, rows in sorted(groups, key=lambda one: -len(one[0].faces.labels)):
+        for other, under in reversed(drawn):
+            if not (other.is_still & ~moving.is_still).any():
+                missing = moving.is_still & ~other.is_still
+                ground = Ground(under.ids.copy(), under.nearness.copy(), missing)
+                break
+        else:
+            ground = Ground(np.zeros(view.size_px, np.uint8), view.behind.copy(), moving.is_still)
+        drawn.append((moving, ground))
         perceive(
             body.skin,
             moving,
-            matrices[0],
+            first,
+            ground,
             matrices,
             rows,
             view.eye,
-            view.behind,
             view.lighting,
             ids,
             *before_and_visible,
         )
 
 
-def _poses_alike(body: SeenBody, matrices: Floats) -> list[tuple[Moving, npt.NDArray[np.int64]]]:
+def poses_alike(body: SeenBody, matrices: Floats) -> list[tuple[Moving, npt.NDArray[np.int64]]]:
     """Sort poses by which joints stand elsewhere than in the first one, at most: where nothing
     does, a pose is among the largest group, as if they did.
     """

@@ -43,11 +43,32 @@ class Faces(NamedTuple):
 
 
 class Moving(NamedTuple):
-    """What of a body moves when some joints turn: vertices by number and faces; the other faces."""
+    """What of a body moves when some joints turn: vertices by number and faces; `is_still` (t,)
+    tells which of all its faces do not.
+    """
 
     vertices: npt.NDArray[np.int64]
     faces: Faces
-    still_faces: Faces
+    is_still: npt.NDArray[np.bool_]
+
+
+class Posed(NamedTuple):
+    """A body in a pose: points (v, 3), on the screen (v, 3), and those faces that show there
+    unless something is before them, `which` by number.
+    """
+
+    points: Floats
+    screen: Floats
+    faces: Faces
+    which: npt.NDArray[np.int64]
+
+
+class Ground(NamedTuple):
+    """What poses share, drawn into ids and nearness (h, w) but for the faces `missing` (t,)."""
+
+    ids: Bytes
+    nearness: Floats
+    missing: npt.NDArray[np.bool_]
 
 
 class Lighting(NamedTuple):
@@ -169,6 +190,20 @@ def _illumination(a: Triple, b: Triple, c: Triple, lighting: Lighting) -> float:
 
 
 @compiled
+def pixels_of(
+    xa: float, ya: float, xb: float, yb: float, xc: float, yc: float, width: int, height: int
+) -> tuple[int, int, int, int]:
+    """Return the first and last column and row whose pixels' centres may lie in a triangle."""
+    # Pixel centres are at halves; the lowest column whose centre may lie inside.
+    return (
+        max(0, int(np.ceil(min(xa, xb, xc) - 0.5))),
+        min(width - 1, int(np.floor(max(xa, xb, xc) - 0.5))),
+        max(0, int(np.ceil(min(ya, yb, yc) - 0.5))),
+        min(height - 1, int(np.floor(max(ya, yb, yc) - 0.5))),
+    )
+
+
+@compiled
 def draw(
     points: Floats,
     screen: Floats,
@@ -176,15 +211,16 @@ def draw(
     ids: Bytes,
     nearness: Floats,
     lighting: Lighting,
-) -> None:
+) -> tuple[int, int, int, int]:
     """Draw faces of points (v, 3), projected to `screen` (v, 3), over what `ids` and `nearness`
-    (h, w) hold.
+    (h, w) hold; return the first and last column and row that may have changed.
 
     A triangle in too little light hides what is behind it and counts as nobody (0). Faces seen
     from behind are left out unless their label has `BOTH_SIDES`.
     """
     triangles, labels = faces
     height, width = ids.shape
+    left, right, top, bottom = width, -1, height, -1
     for t in range(triangles.shape[0]):
         ia, ib, ic = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         wa, wb, wc = screen[ia, 2], screen[ib, 2], screen[ic, 2]
@@ -203,15 +239,10 @@ def draw(
             ib, ic = ic, ib
             xb, yb, wb, xc, yc, wc = xc, yc, wc, xb, yb, wb
             area = -area
-        # Pixel centres are at halves; the lowest column whose centre may lie inside.
-        c0 = max(0, int(np.ceil(min(xa, xb, xc) - 0.5)))
-        c1 = min(width - 1, int(np.floor(max(xa, xb, xc) - 0.5)))
-        if c0 > c1:
+        c0, c1, r0, r1 = pixels_of(xa, ya, xb, yb, xc, yc, width, height)
+        if c0 > c1 or r0 > r1:
             continue
-        r0 = max(0, int(np.ceil(min(ya, yb, yc) - 0.5)))
-        r1 = min(height - 1, int(np.floor(max(ya, yb, yc) - 0.5)))
-        if r0 > r1:
-            continue
+        left, right, top, bottom = min(left, c0), max(right, c1), min(top, r0), max(bottom, r1)
         label = np.uint8(labels[t] & (BOTH_SIDES - 1))
         lit = -1
         for r in range(r0, r1 + 1):
@@ -248,25 +279,44 @@ def draw(
                 if near > nearness[r, c] or tag > ids[r, c]:
                     nearness[r, c] = near
                     ids[r, c] = tag
+    return left, right, top, bottom
 
 
 @compiled
-def _draw_back(screen: Floats, triangles: Ints, before: Floats, nearness: Floats) -> None:
-    """Put back in `nearness` (h, w) what it held before these triangles were drawn over it."""
-    height, width = nearness.shape
-    # The box round the corners holds every pixel that was drawn; what is outside is as before.
-    left, right, top, bottom = np.inf, -np.inf, np.inf, -np.inf
-    for t in range(triangles.shape[0]):
-        for c in range(3):
-            corner = screen[triangles[t, c]]
-            if corner[2] > 0.0:
-                left, right = min(left, corner[0]), max(right, corner[0])
-                top, bottom = min(top, corner[1]), max(bottom, corner[1])
-    if left > width or right < 0.0 or top > height or bottom < 0.0:
-        return
-    c0, c1 = int(max(left, 0.0)), int(min(right + 1.0, float(width)))
-    for r in range(int(max(top, 0.0)), int(min(bottom + 1.0, float(height)))):
-        nearness[r, c0:c1] = before[r, c0:c1]
+def pose_first(
+    skin: Skin, faces: Faces, matrices: Floats, eye: Floats, height: int, width: int
+) -> Posed:
+    """Return a body in a pose (j, 3, 4) as a view of this size sees it."""
+    points, screen = np.empty_like(skin.rest), np.empty_like(skin.rest)
+    skin_points(skin, matrices, points)
+    project_points(points, eye, width, height, screen)
+    which, n = np.empty(len(faces.labels), np.int64), 0
+    for t in range(len(faces.labels)):
+        ia, ib, ic = faces.triangles[t, 0], faces.triangles[t, 1], faces.triangles[t, 2]
+        if screen[ia, 2] == 0.0 or screen[ib, 2] == 0.0 or screen[ic, 2] == 0.0:
+            continue
+        xa, ya, xb, yb = screen[ia, 0], screen[ia, 1], screen[ib, 0], screen[ib, 1]
+        xc, yc = screen[ic, 0], screen[ic, 1]
+        area = (xc - xa) * (yb - ya) - (xb - xa) * (yc - ya)
+        if area == 0.0 or (area < 0.0 and faces.labels[t] < BOTH_SIDES):
+            continue
+        c0, c1, r0, r1 = pixels_of(xa, ya, xb, yb, xc, yc, width, height)
+        if c0 <= c1 and r0 <= r1:
+            which[n] = t
+            n += 1
+    return Posed(points, screen, faces, which[:n])
+
+
+@compiled
+def _chosen_faces(first: Posed, chosen: npt.NDArray[np.bool_]) -> Faces:
+    """Return those of some faces (t,) that show."""
+    triangles = np.empty((len(first.which), 3), np.int32)
+    labels, n = np.empty(len(first.which), np.uint8), 0
+    for t in first.which:
+        if chosen[t]:
+            triangles[n], labels[n] = first.faces.triangles[t], first.faces.labels[t]
+            n += 1
+    return Faces(triangles[:n], labels[:n])
 
 
 @compiled
@@ -281,11 +331,11 @@ def _hide(ids: Bytes, nearness: Floats, before: Floats, visible: Bytes) -> None:
 def perceive(
     skin: Skin,
     moving: Moving,
-    first: Floats,
+    first: Posed,
+    ground: Ground,
     matrices: Floats,
     rows: npt.NDArray[np.int64],
     eye: Floats,
-    behind: Floats,
     lighting: Lighting,
     ids: Bytes,
     before: Floats,
@@ -293,31 +343,29 @@ def perceive(
 ) -> None:
     """Fill some rows of ids (n, h, w) with the perceived parts of a body in poses (n, j, 3, 4).
 
-    All these poses differ from the pose `first` (j, 3, 4) at most in what is `moving`, so the other
-    faces are drawn once. `behind` (h, w) is the inverse depth of everything else in view. `visible`
-    (n, h, w) is filled with what is seen of it when what has the inverse depth `before` (h, w)
-    stands before it, too; empty arrays leave that out.
+    All these poses differ from the pose `first` at most in what is `moving`; the other faces are
+    drawn once, what of them is missing into `ground`. `visible` (n, h, w) is filled with what is
+    seen when what has the inverse depth `before` (h, w) stands before the body, too; empty arrays
+    leave that out.
     """
-    height, width = behind.shape
+    still_ids, still_near, missing = ground
+    height, width = still_near.shape
     has_visible = visible.shape[0] > 0
-    points, screen = np.empty_like(skin.rest), np.empty_like(skin.rest)
-    skin_points(skin, first, points)
-    project_points(points, eye, width, height, screen)
-    # Probes move a few joints only; the rest of the body is drawn once and copied.
-    still_ids = np.zeros((height, width), dtype=np.uint8)
-    still_near = behind.copy()
-    draw(points, screen, moving.still_faces, still_ids, still_near, lighting)
+    points, screen = first.points.copy(), first.screen.copy()
+    draw(points, screen, _chosen_faces(first, missing), still_ids, still_near, lighting)
     nearness = still_near.copy()
     for k in rows:
         ids[k][:] = still_ids
+        c0, c1, r0, r1 = width, -1, height, -1
         if moving.faces.triangles.shape[0] > 0:
             skin_some(moving.vertices, skin, matrices[k], points)
             project_some(moving.vertices, points, eye, width, height, screen)
-            draw(points, screen, moving.faces, ids[k], nearness, lighting)
+            c0, c1, r0, r1 = draw(points, screen, moving.faces, ids[k], nearness, lighting)
         if has_visible:
             _hide(ids[k], nearness, before, visible[k])
-        if moving.faces.triangles.shape[0] > 0:
-            _draw_back(screen, moving.faces.triangles, still_near, nearness)
+        # What was drawn over the still rest is taken away again.
+        for r in range(r0, r1 + 1):
+            nearness[r, c0 : c1 + 1] = still_near[r, c0 : c1 + 1]
 
 
 @compiled
