@@ -70,6 +70,20 @@ def walk_volumes(
     avatar = avatar_of(sex, walk.stature_m)
     if surface == "capsules":
         return WalkVolumes(_capsule_volumes(walk), rule, surface, avatar)
+    volumes = volumes_or_nearness(walk, surface, avatar, only_near=rule != "volume")
+    if rule != "volume":
+        poser = _Poser(walk, surface, avatar)
+        for i, person in np.argwhere(volumes == 1.0).tolist():
+            volumes[i, person] = common_volume(poser.own(i), poser.other(i, person), rule).volume_m3
+    return WalkVolumes(volumes, rule, surface, avatar)
+
+
+def volumes_or_nearness(
+    walk: Walk, surface: MeshSurface, avatar: str, *, only_near: bool
+) -> Vector:
+    """Return what an avatar and everybody have in common at every step, (n, people); `only_near`
+    poses everybody near, measures nothing, and returns 1 where boxes of their parts meet, else 0.
+    """
     volumes = np.empty((len(walk.t_ns), len(walk.crowd)))
     volumes_of_walk(
         np.ascontiguousarray(walk.position_m),
@@ -85,15 +99,11 @@ def walk_volumes(
             _FINE_ENOUGH.cell_m,
             _FINE_ENOUGH.refine_below_m3,
             _FINE_ENOUGH.fine_columns,
-            only_near=rule != "volume",
+            only_near=only_near,
         ),
         volumes,
     )
-    if rule != "volume":
-        poser = _Poser(walk, surface, avatar)
-        for i, person in np.argwhere(volumes == 1.0).tolist():
-            volumes[i, person] = common_volume(poser.own(i), poser.other(i, person), rule).volume_m3
-    return WalkVolumes(volumes, rule, surface, avatar)
+    return volumes
 
 
 def _capsule_volumes(walk: Walk) -> Vector:

@@ -27,6 +27,7 @@ from visavis.analysis.collisions.skinned import (
 from visavis.experiments.crowd.collision_measures import (
     SURFACE_REACH_M,
     collision_rows,
+    volumes_or_nearness,
     walk_volumes,
 )
 from visavis.experiments.crowd.measures import MeasureParameters, measure_walk
@@ -116,6 +117,14 @@ def test_the_kernel_is_within_a_grid_s_noise_of_measuring_every_pair_one_by_one(
             here, there = here + measured[i, person], there + plain
         assert not measured[i, ~near].any()
     assert here == pytest.approx(there, rel=0.02)  # less than a cubic centimetre in all
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+def test_who_shares_volume_is_near_and_nearness_alone_measures_nothing(walk, surface):
+    measured = walk_volumes(walk, surface=surface).volume_m3
+    near = volumes_or_nearness(walk, surface, avatar_of(None, STATURE_M), only_near=True)
+    assert set(np.unique(near)) == {0.0, 1.0}
+    assert (near[measured > 0] == 1.0).all()
 
 
 @pytest.mark.parametrize("surface", SURFACES)
