@@ -369,22 +369,46 @@ def perceive(
 
 
 @compiled
+def _where_anybody(ids: Bytes, columns: Bytes) -> tuple[int, int, int, int]:
+    """Return the first and last column and row of ids (h, w) that show any part; `columns` (w,) is
+    work space.
+    """
+    height, width = ids.shape
+    left, right, top, bottom = width, -1, height, -1
+    columns[:] = 0
+    for r in range(height):
+        shown = np.uint8(0)
+        for c in range(width):
+            shown |= ids[r, c]
+        if shown != 0:
+            top, bottom = min(top, r), r
+            for c in range(width):
+                columns[c] |= ids[r, c]
+    for c in range(width):
+        if columns[c] != 0:
+            left, right = min(left, c), c
+    return left, right, top, bottom
+
+
+@compiled
 def measure(ids: Bytes, masks: npt.NDArray[np.bool_], out: Floats) -> None:
-    """Measure masks of parts (f, 256) in ids (n, h, w) into out (n, f, 3).
+    """Measure masks of parts (f, 256) in ids (n, h, w) into out (n, f, 3); no mask holds 0, nobody.
 
     Coverage (share of all pixels), horizontal and vertical extension (share of width, height).
     """
     n, height, width = ids.shape
     pixels, box = np.empty(masks.shape[1], np.int64), np.empty((masks.shape[1], 4), np.int64)
+    columns = np.empty(width, np.uint8)
     for k in range(n):
         pixels[:] = 0
         box[:, 0], box[:, 1], box[:, 2], box[:, 3] = width, -1, height, -1
         # Every part once, by the stretches of a row that show it: most of a view is one part.
-        for r in range(height):
-            c = 0
-            while c < width:
+        left, right, top, bottom = _where_anybody(ids[k], columns)
+        for r in range(top, bottom + 1):
+            c = left
+            while c <= right:
                 part, begin = ids[k, r, c], c
-                while c < width and ids[k, r, c] == part:
+                while c <= right and ids[k, r, c] == part:
                     c += 1
                 pixels[part] += c - begin
                 own = box[part]
@@ -406,7 +430,8 @@ def measure(ids: Bytes, masks: npt.NDArray[np.bool_], out: Floats) -> None:
 def fine_extension(
     ids: Bytes, mask: npt.NDArray[np.bool_], across: bool, least: float, out: Floats
 ) -> None:
-    """Measure the extension of a mask of parts (256,) in ids (n, h, w) into out (n,), in pixels.
+    """Measure the extension of a mask of parts (256,), 0 not among them, in ids (n, h, w) into out
+    (n,), in pixels.
 
     From where `least` pixels of the mask lie to one side to where as many lie to the other, within
     a line in proportion: it moves by fractions of a pixel. NaN where there are fewer than twice
@@ -414,11 +439,12 @@ def fine_extension(
     """
     n, height, width = ids.shape
     lines = width if across else height
-    profile = np.empty(lines, dtype=np.int64)
+    profile, columns = np.empty(lines, dtype=np.int64), np.empty(width, np.uint8)
     for k in range(n):
         profile[:] = 0
-        for r in range(height):
-            for c in range(width):
+        left, right, top, bottom = _where_anybody(ids[k], columns)
+        for r in range(top, bottom + 1):
+            for c in range(left, right + 1):
                 if mask[ids[k, r, c]]:
                     profile[c if across else r] += 1
         if profile.sum() < 2 * least:
