@@ -42,18 +42,17 @@ def sums_of_runs(v: Vector, first: Rows, last: Rows, sums: Vector, in_run: Flags
 
     Runs are in order and do not overlap. Sums run through all rows and are taken apart at the ends.
     """
-    total = np.zeros(3)
-    before = np.zeros(3)
+    x = y = z = x_before = y_before = z_before = 0.0
     run = 0
     for r in range(v.shape[0]):
-        if run < first.shape[0] and r == first[run]:
-            before[:] = total
-        in_run[r] = run < first.shape[0] and r >= first[run]
-        for k in range(3):
-            if np.isfinite(v[r, k]):
-                total[k] += v[r, k]
-        if run < first.shape[0] and r == last[run]:
-            sums[run] = total - before
+        is_run = run < first.shape[0] and r >= first[run]
+        if is_run and r == first[run]:
+            x_before, y_before, z_before = x, y, z
+        in_run[r] = is_run
+        if np.isfinite(v[r, 0]):
+            x, y, z = x + v[r, 0], y + v[r, 1], z + v[r, 2]
+        if is_run and r == last[run]:
+            sums[run, 0], sums[run, 1], sums[run, 2] = x - x_before, y - y_before, z - z_before
             run += 1
 
 

@@ -48,8 +48,8 @@ def sphericity(errors: Array, df: int, F: float, df1: int, *, n_cells: int) -> S
     """
     q = errors.shape[1]
     S = errors.T @ errors / df
-    # A handful of numbers: Python's own arithmetic costs less than calls for arrays. They are shares
-    # of the largest, because squares of small errors would be nothing.
+    # A handful of numbers: Python's own arithmetic costs less than calls for arrays. They are
+    # shares of the largest, because squares of small errors would be nothing.
     eigenvalues: list[float] = np.linalg.eigvalsh(S).tolist()
     if eigenvalues[-1] > 0:
         eigenvalues = [value / eigenvalues[-1] for value in eigenvalues]
