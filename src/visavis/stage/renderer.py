@@ -11,6 +11,7 @@ import numpy.typing as npt
 from visavis.lab.closing import Closing
 from visavis.lab.geometry import Vector
 from visavis.stage.card.context import GL_FRAMEBUFFER_SRGB, offscreen_context, release_offscreen
+from visavis.stage.card.crowd_buffers import CrowdBuffers
 from visavis.stage.card.lamps import (
     KIND_NUMBERS,
     LIGHTING_BYTES,
@@ -298,8 +299,11 @@ class Renderer(Closing):
             level, is_in_view = np.maximum(levels, 0), levels >= 0
         level = np.minimum(level, crowd.level_count - 1)
         crowd.upload()
-        # People out of view may still cast a shadow into it.
-        crowd.choose(level, np.ones_like(is_in_view) if self._casts(picture.room) else is_in_view)
+        if isinstance(crowd, ProcessorCrowd):
+            crowd.choose(level, is_in_view)
+        else:
+            # People out of view may still cast a shadow into it.
+            crowd.choose(level, is_in_view, casts=self._casts(picture.room))
         return Drawn(np.where(is_in_view, level, -1), distance_m)
 
     def light(
@@ -353,7 +357,9 @@ class Renderer(Closing):
     ) -> None:
         """Draw room, things and people from the camera sent, with the light sent."""
         self._shadow_maps.use()
-        # People first: they hide much of the room, which is then not computed.
+        if isinstance(crowd, CrowdBuffers) and not identity:
+            self._hide(picture, crowd, with_room=with_room)
+        # People first: where depth was not drawn before they hide much of the room.
         if crowd.cast:
             family: Family = "lit_people" if self.quality.fast else "people"
             crowd.draw(self._program(family, picture.room, identity=identity))
@@ -363,6 +369,18 @@ class Renderer(Closing):
             self._buffers.thing(thing.prop).draw(
                 self._program("room", picture.room, identity=identity), world_from(thing.pose)
             )
+        self.context.depth_func = "<"
+
+    def _hide(self, picture: Picture, crowd: CrowdBuffers, *, with_room: bool) -> None:
+        """Draw depth before light, so that no pixel computes the light of what is hidden there."""
+        target = self.context.fbo
+        target.color_mask = False, False, False, False
+        if crowd.cast:
+            crowd.draw_depth(self._programs.depth("people"))
+        if with_room:
+            self._buffers.room(picture.room).draw_depth(self._programs.depth("room"))
+        target.color_mask = True, True, True, True
+        self.context.depth_func = "<="
 
     def crowd_of(self, picture: Picture) -> Crowd:
         """Return the cast's buffers."""

@@ -11,7 +11,14 @@ import numpy.typing as npt
 from visavis.lab.geometry import Vector
 from visavis.stage.card.programs import UNITS, set_bytes
 from visavis.stage.card.textures import Layers
-from visavis.stage.card.vertices import ROOM_LAYOUT, RoomVertices, Run, TextureArray, room_vertices
+from visavis.stage.card.vertices import (
+    ROOM_LAYOUT,
+    RoomVertices,
+    Run,
+    TextureArray,
+    join_stretches,
+    room_vertices,
+)
 from visavis.stage.geometry.projection import for_gl
 from visavis.stage.processor.baked_room import baked_room
 from visavis.stimuli.picture import Prop, Room
@@ -47,6 +54,9 @@ class PropBuffers:
             lit_room = baked_room(laid_out, lit_by)
             laid_out, light = lit_room.vertices, self._buffer(lit_room.light)
         self._runs = _join_runs(laid_out.runs, self._layers)
+        self._solid = join_stretches(
+            [(r.first, r.count) for r in self._runs if r.is_solid and not r.double_sided]
+        )
         self._outline_count = sum(map(len, casting))
         self._arrays: dict[tuple[int, bool], moderngl.VertexArray] = {}
         if len(laid_out.indices):
@@ -71,6 +81,13 @@ class PropBuffers:
             if run.texture is not None:
                 self._layers.arrays[self._layers.place(run.texture)[0]].use(UNITS["picture"])
             self._array(program, self._indices).render(vertices=run.count, first=run.first)
+
+    def draw_depth(self, program: moderngl.Program) -> None:
+        """Draw the depth of all that is solid and stands still."""
+        set_bytes(program, "world_from_prop", for_gl(STILL))
+        self._context.enable(moderngl.CULL_FACE)
+        for first, count in self._solid:
+            self._array(program, self._indices).render(vertices=count, first=first)
 
     def draw_outlines(self, program: moderngl.Program, world_from_prop: Vector = STILL) -> None:
         """Draw what casts a shadow into a shadow map."""

@@ -8,6 +8,7 @@ from visavis.stage.card.lamps import ShadowView
 from visavis.stage.card.lit_programs import LitPrograms
 from visavis.stage.card.programs import UNITS, set_bytes
 from visavis.stage.card.shaders.lighting import MAX_SHADOWS
+from visavis.stage.card.shadow_bounds import ShadowBounds
 from visavis.stage.geometry.projection import for_gl, world_from
 from visavis.stage.scene_buffers import SceneBuffers
 from visavis.stimuli.picture import Picture, Room
@@ -24,6 +25,7 @@ class ShadowMaps:
         self._context, self._size_px = context, size_px
         self._calls, self._area = GlCalls(context), area
         self._depths: moderngl.Sampler | None = None
+        self._bounds: ShadowBounds | None = None
         self._maps: list[tuple[moderngl.Texture, moderngl.Framebuffer]] = []
         self._still: list[tuple[moderngl.Texture, moderngl.Framebuffer]] = []
         self._still_of: tuple[Room, tuple[ShadowView, ...]] | None = None
@@ -69,19 +71,31 @@ class ShadowMaps:
                 set_bytes(program, "shadow_projection", matrix)
                 crowd.draw_outlines(program)
         ctx.polygon_offset = 0.0, 0.0
+        if not self._area:
+            if self._bounds is None:
+                self._bounds = ShadowBounds(ctx, self._size_px)
+            self._use_depths()
+            self._bounds.draw(len(views))
         ctx.enable(moderngl.CULL_FACE)
 
     def use(self) -> None:
         """Bind the maps for the coming draw calls."""
         for k, (texture, _) in enumerate(self._maps):
             texture.use(UNITS[f"shadow_map_{k}"])
-            if self._area:
-                if self._depths is None:
-                    nearest = (moderngl.NEAREST, moderngl.NEAREST)
-                    self._depths = self._context.sampler(False, False, filter=nearest)
-                unit = UNITS[f"shadow_depth_{k}"]
-                texture.use(unit)
-                self._depths.use(unit)
+        if self._area:
+            self._use_depths()
+        elif self._bounds is not None:
+            self._bounds.texture.use(UNITS["shadow_bounds"])
+
+    def _use_depths(self) -> None:
+        """Bind the maps once more, as depths that nothing is compared with."""
+        if self._depths is None:
+            nearest = (moderngl.NEAREST, moderngl.NEAREST)
+            self._depths = self._context.sampler(False, False, filter=nearest)
+        for k, (texture, _) in enumerate(self._maps):
+            unit = UNITS[f"shadow_depth_{k}"]
+            texture.use(unit)
+            self._depths.use(unit)
 
     def release(self) -> None:
         """Free the card's memory."""
@@ -91,6 +105,9 @@ class ShadowMaps:
         if self._depths is not None:
             self._depths.release()
             self._depths = None
+        if self._bounds is not None:
+            self._bounds.release()
+            self._bounds = None
         self._maps.clear()
         self._still.clear()
         self._still_of = None

@@ -19,6 +19,8 @@ from visavis.stage.card.vertices import Run
 from visavis.stage.geometry.joint_rows import JointRows
 from visavis.stimuli.characters.character import Character
 
+CASTING_LEVEL = 1
+"""The finest level that throws shadows: texels of a map are larger than triangles of full detail."""
 SPARE_01 = 0.25
 """Share of rows kept free for people who come nearer."""
 
@@ -30,6 +32,9 @@ def triangles_of(cast: tuple[Character, ...]) -> npt.NDArray[np.int64]:
     return np.array([row + row[-1:] * (most - len(row)) for row in counts], np.int64).reshape(
         -1, most
     )
+
+
+Flags = npt.NDArray[np.bool_]
 
 
 class CrowdBuffers:
@@ -63,7 +68,8 @@ class CrowdBuffers:
         self._chunks: moderngl.Texture | None = None
         self._skin_buffer = context.buffer(reserve=SKINNED_BYTES)
         self._stretches: list[tuple[DrawnAlike, Stretches]] = []
-        self._everything: Stretches | None = None
+        self._casting: Stretches | None = None
+        self._solid: list[tuple[bool, Stretches]] = []
         self._skinning: tuple[moderngl.Program, moderngl.VertexArray] | None = None
         self._arrays: dict[int, moderngl.VertexArray] = {}
 
@@ -72,16 +78,30 @@ class CrowdBuffers:
         if self.cast:
             self._matrices.write(self.joints.rows)
 
-    def choose(self, level: npt.NDArray[np.int64], is_drawn: npt.NDArray[np.bool_]) -> None:
-        """Set each person's level of detail and who is drawn."""
-        person = np.flatnonzero(is_drawn)
-        model = self._first_model[person] + np.minimum(level, self.level_count - 1)[person]
-        choice = person.tobytes() + model.tobytes()
-        if choice == self._last_choice and self._everything is not None:
+    def choose(
+        self,
+        level: npt.NDArray[np.int64],
+        is_drawn: npt.NDArray[np.bool_],
+        *,
+        casts: bool = False,
+    ) -> None:
+        """Set each person's level of detail, who is drawn, and whether all throw shadows."""
+        choice = level.tobytes() + is_drawn.tobytes() + bytes([casts])
+        if choice == self._last_choice:
             return
         self._last_choice = choice
+        finest, everyone = self.level_count - 1, np.arange(len(level))
+        drawn = np.minimum(level, finest)
+        casting = np.minimum(np.maximum(level, CASTING_LEVEL), finest)
+        # Who is drawn as coarsely as they cast is moved once for both.
+        is_extra = casts & ~(is_drawn & (drawn == casting))
+        person = np.concatenate([everyone[is_drawn], everyone[is_extra]])
+        model = self._first_model[person]
+        model += np.concatenate([drawn[is_drawn], casting[is_extra]])
+        is_seen = np.arange(len(person)) < is_drawn.sum()
+        is_casting = casts & ~(is_seen & is_extra[person])
         order = np.argsort(model, kind="stable")
-        self._lay_out(person[order], model[order])
+        self._lay_out(person[order], model[order], is_seen[order], is_casting[order])
 
     def skin(self, program: moderngl.Program) -> None:
         """Move everyone chosen into this frame's pose, on the card, once for all views."""
@@ -113,9 +133,15 @@ class CrowdBuffers:
             self._calls.draw(self._array(program_of(batch.run)), stretches)
 
     def draw_outlines(self, program: moderngl.Program) -> None:
-        """Draw everyone skinned into a shadow map."""
-        if self._everything is not None and len(self._everything.count):
-            self._calls.draw(self._array(program), self._everything)
+        """Draw everyone who casts into a shadow map."""
+        if self._casting is not None and len(self._casting.count):
+            self._calls.draw(self._array(program), self._casting)
+
+    def draw_depth(self, program: moderngl.Program) -> None:
+        """Draw the depth of all that is solid of everyone skinned."""
+        for double_sided, stretches in self._solid:
+            (self._context.disable if double_sided else self._context.enable)(moderngl.CULL_FACE)
+            self._calls.draw(self._array(program), stretches)
 
     def use_soles(self) -> int:
         """Bind where everyone's soles are, a row a person; return the first of their texels."""
@@ -136,8 +162,8 @@ class CrowdBuffers:
         for thing in (self._matrices, self._nowhere, self._skin_buffer):
             thing.release()
 
-    def _lay_out(self, person: Ints, model: Ints) -> None:
-        """List the chunks to skin, and the index ranges that draw each batch."""
+    def _lay_out(self, person: Ints, model: Ints, is_seen: Flags, is_casting: Flags) -> None:
+        """List the chunks to skin, and the index ranges that draw each batch and the casting."""
         table = self._models.table
         first, count = table.vertices[model].T
         chunks = -(-count // CHUNK_VERTICES)
@@ -155,6 +181,9 @@ class CrowdBuffers:
         )
         self._send_chunks(rows)
         base = CHUNK_VERTICES * before
+        first_corner, corners = table.corners[model[is_casting]].T
+        self._casting = Stretches.of(first_corner, corners, base[is_casting])
+        model, base = model[is_seen], base[is_seen]
         first_run, runs = table.runs[model].T
         which = np.repeat(first_run - np.cumsum(runs) + runs, runs) + np.arange(runs.sum())
         batch_of_run, first_corner, corners = table.run_table[which].T
@@ -164,8 +193,15 @@ class CrowdBuffers:
             for k in np.unique(batch_of_run).tolist()
             for at in [batch_of_run == k]
         ]
-        first_corner, corners = table.corners[model].T
-        self._everything = Stretches.of(first_corner, corners, base)
+        looks = [batch.run for batch in self._models.batches]
+        is_solid = np.array([run.is_solid for run in looks])[batch_of_run]
+        sides = np.array([run.double_sided for run in looks])[batch_of_run]
+        self._solid = [
+            (both, Stretches.of(first_corner[at], corners[at], base_of[at]))
+            for both in (False, True)
+            for at in [is_solid & (sides == both)]
+            if at.any()
+        ]
 
     def _send_chunks(self, rows: Ints) -> None:
         n_held = 0 if self._chunks is None else self._chunks.height * CHUNKS_WIDE

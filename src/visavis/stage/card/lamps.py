@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from visavis.lab.geometry import Vector, unit
-from visavis.stage.card.shaders.lighting import MAX_LIGHTS, MAX_SHADOWS
+from visavis.stage.card.shaders.lighting import MAX_LIGHTS, MAX_SHADOWS, MOST_TAPS
 from visavis.stage.errors import StageError
 from visavis.stage.geometry.projection import looking
 from visavis.stimuli.picture import Light, Room
@@ -20,13 +20,14 @@ LIGHTING_BYTES = 4 * (4 + 4 + 12 * MAX_LIGHTS + 16 * MAX_SHADOWS + 4 * MAX_SHADO
 class ShadowView:
     """The matrix (4, 4) from world through which the shadow map of a lamp is drawn.
 
-    A metre spans `metre_01` of the map at one metre from the lamp, of a sun's everywhere. Depth
+    Edges of shadows are softened by `taps` a way, which span 2 · `taps` - 1 texels. A metre spans
+    `metre_01` of the map at one metre from the lamp, of a sun's everywhere. Depth
     goes from `near_m` to `far_m`; a sun's, which grows evenly, is counted from 0.
     """
 
     light: int
     from_world: Vector
-    softness_texels: float
+    taps: int
     metre_01: float
     near_m: float
     far_m: float
@@ -54,7 +55,9 @@ def _shadow_view(
         flat = np.diag([1 / radius, 1 / radius, -2 / (far - near), 1.0])
         flat[2, 3] = -(far + near) / (far - near)
         metre = 1 / (2 * radius)
-        return ShadowView(index, flat @ matrix, softness_m * map_px * metre, metre, 0.0, far - near)
+        return ShadowView(
+            index, flat @ matrix, _taps(softness_m * map_px * metre), metre, 0.0, far - near
+        )
     place = np.asarray(_require_vector(light.position_m, light), np.float64)
     along = light.direction if light.direction is not None else np.array([0.0, -1.0, 0.0])
     half_deg = light.half_angle_deg if light.kind == "spot" else WIDEST_SHADOW_DEG
@@ -78,11 +81,16 @@ def _shadow_view(
     return ShadowView(
         index,
         deep @ looking(place, along),
-        softness_m * map_px / (2 * slope * usual_m),
+        _taps(softness_m * map_px / (2 * slope * usual_m)),
         1 / (2 * slope),
         near,
         farthest,
     )
+
+
+def _taps(softness_texels: float) -> int:
+    """Return the taps a way that blur by so many texels to either side of an edge."""
+    return int(np.clip(round(softness_texels + 0.5), 2, MOST_TAPS))
 
 
 def lighting_block(room: Room, shadows: tuple[ShadowView, ...]) -> bytes:
@@ -112,7 +120,7 @@ def lighting_block(room: Room, shadows: tuple[ShadowView, ...]) -> bytes:
     shapes = np.zeros((MAX_SHADOWS, 4), np.float32)
     for k, view in enumerate(shadows):
         matrices[k] = view.from_world.T
-        shapes[k] = view.softness_texels, view.metre_01, view.near_m, view.far_m
+        shapes[k] = view.taps, view.metre_01, view.near_m, view.far_m
     return b"".join(part.tobytes() for part in (head, lamps, matrices, shapes))
 
 

@@ -63,6 +63,16 @@ class LitPrograms:
             )
         return self._programs[key]
 
+    def depth(self, family: Family) -> moderngl.Program:
+        """Return the program that draws depth alone as the camera sent sees it."""
+        key = (family, "depth")
+        if key not in self._programs:
+            vertex = glsl_people.DEPTH_VERTEX if family == "people" else glsl_room.DEPTH_VERTEX
+            self._programs[key] = compile_program(
+                self._context, vertex, glsl_people.SHADOW_FRAGMENT
+            )
+        return self._programs[key]
+
     def skinning(self) -> moderngl.Program:
         """Return the program that moves people into their poses."""
         key = ("skinning",)

@@ -23,6 +23,7 @@ UNITS: Mapping[str, int] = {
     "shadow_depth_0": 11,
     "shadow_depth_1": 12,
     "blocks": 13,
+    "shadow_bounds": 14,
 }
 """Texture unit of every sampler, the same in all shaders."""
 BLOCKS: Mapping[str, int] = {"Frame": 0, "Lighting": 1}

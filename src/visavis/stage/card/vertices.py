@@ -51,6 +51,11 @@ class Run:
     kind: str = "other"
     maps: Maps | None = None
 
+    @property
+    def is_solid(self) -> bool:
+        """Whether it hides all that is behind it."""
+        return self.texture is None or self.texture.shape[2] < 4
+
 
 @dataclass(frozen=True, eq=False)
 class PersonVertices:
@@ -233,7 +238,7 @@ def room_vertices(props: tuple[Prop, ...]) -> RoomVertices:
         np.concatenate(vertices) if vertices else np.zeros(0, ROOM_VERTEX),
         np.concatenate(indices) if indices else np.zeros(0, np.int32),
         tuple(runs),
-        _join_stretches(casting),
+        join_stretches(casting),
     )
 
 
@@ -243,7 +248,7 @@ def _shape_of(group: tuple[tuple[int, bool], list[Prop]]) -> tuple[bool, tuple[i
     return double_sided, () if texture is None else texture.shape
 
 
-def _join_stretches(stretches: list[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
+def join_stretches(stretches: list[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
     """Join stretches that follow one another."""
     out: list[tuple[int, int]] = []
     for first, count in stretches:

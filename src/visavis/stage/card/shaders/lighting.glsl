@@ -5,22 +5,38 @@ layout(std140) uniform Lighting {
     vec4 lamp_axis[MAX_LIGHTS];      // xyz direction of travel, w: cosine of the half angle
     vec4 lamp_colour[MAX_LIGHTS];    // rgb at one metre, w: shadow map or -1
     mat4 shadow_from_world[MAX_SHADOWS];
-    vec4 shadow_shape[MAX_SHADOWS];  // x: softness in texels, y: share of the map a metre spans at
+    vec4 shadow_shape[MAX_SHADOWS];  // x: taps a way, y: share of the map a metre spans at
                                      // one metre (sun: everywhere), z: near (sun: 0), w: far
 };
 
 #ifdef SHADOWS
 uniform sampler2DShadow shadow_map_0;
 uniform sampler2DShadow shadow_map_1;
+#ifndef AREA_LAMPS
+uniform sampler2D shadow_bounds;  // per square of texels the nearest and farthest depth that reads
+                                  // there can meet: of map 0 in xy, of map 1 in zw
 
-float shadow_taps(sampler2DShadow map, vec3 at, float spread) {
-    vec2 texel = clamp(spread / 2.5, 0.6, 1.7) / vec2(textureSize(map, 0));
+// A box as many texels wide as 2 * side - 1, on 2 * side texels a way: the card compares and weighs
+// two by two of them at a time.
+float shadow_taps(sampler2DShadow map, vec3 at, int side) {
+    vec2 texel = 1.0 / vec2(textureSize(map, 0));
+    vec2 before = floor(at.xy / texel - 0.5), share = at.xy / texel - 0.5 - before;
+    vec2 first = before - float(side) + 1.5, at_first = 1.0 / (2.0 - share);
+    vec2 at_last = share / (1.0 + share), last = vec2(float(side) - 1.0);
     float lit = 0.0;
-    for (int y = -2; y <= 2; ++y)
-        for (int x = -2; x <= 2; ++x)
-            lit += texture(map, vec3(at.xy + vec2(x, y) * texel, at.z));
-    return lit / 25.0;
+    for (float y = 0.0; y <= last.y; y += 1.0)
+        for (float x = 0.0; x <= last.x; x += 1.0) {
+            vec2 tap = vec2(x, y);
+            bvec2 is_first = equal(tap, vec2(0.0)), is_last = equal(tap, last);
+            vec2 wide = mix(mix(vec2(2.0), 1.0 + share, is_last), 2.0 - share, is_first);
+            vec2 aside = mix(mix(vec2(0.5), at_last, is_last), at_first, is_first);
+            vec2 here = (first + 2.0 * tap + aside) * texel;
+            lit += wide.x * wide.y * textureLod(map, vec3(here, at.z), 0.0);
+        }
+    float wide = 2.0 * last.x + 1.0;
+    return lit / (wide * wide);
 }
+#endif
 
 #ifdef AREA_LAMPS
 uniform sampler2D shadow_depth_0;
@@ -63,23 +79,6 @@ float area_taps(sampler2DShadow map, sampler2D depths, vec3 at, vec4 shape) {
     return lit / float(TAPS);
 }
 #endif
-
-float shadow_of(int map, vec3 place, vec3 normal) {
-    vec4 at = shadow_from_world[map] * vec4(place + normal * 0.018, 1.0);
-    if (at.w <= 0.0) return 1.0;
-    vec3 uvz = at.xyz / at.w * 0.5 + 0.5;
-    if (uvz.x <= 0.0 || uvz.x >= 1.0 || uvz.y <= 0.0 || uvz.y >= 1.0 || uvz.z >= 1.0) return 1.0;
-#ifdef AREA_LAMPS
-    return map == 0 ? area_taps(shadow_map_0, shadow_depth_0, uvz, shadow_shape[0])
-                    : area_taps(shadow_map_1, shadow_depth_1, uvz, shadow_shape[1]);
-#else
-    float spread = shadow_shape[map].x;
-    return map == 0 ? shadow_taps(shadow_map_0, uvz, spread)
-                    : shadow_taps(shadow_map_1, uvz, spread);
-#endif
-}
-#else
-float shadow_of(int map, vec3 place, vec3 normal) { return 1.0; }
 #endif
 
 vec3 ambient_at(vec3 normal) {
@@ -106,16 +105,57 @@ vec3 lamp_at(int i, vec3 place, out vec3 towards) {
     return arriving;
 }
 
+#ifdef SHADOWS
+// The share of a lamp's light that arrives.
+float shadow_of(int map, vec3 place, vec3 normal) {
+    vec4 at = shadow_from_world[map] * vec4(place + normal * 0.018, 1.0);
+    vec3 uvz = at.xyz / at.w * 0.5 + 0.5;
+    if (at.w <= 0.0 || uvz.z >= 1.0 || any(lessThanEqual(uvz.xy, vec2(0.0)))
+        || any(greaterThanEqual(uvz.xy, vec2(1.0)))) return 1.0;
+#ifdef AREA_LAMPS
+    return map == 0 ? area_taps(shadow_map_0, shadow_depth_0, uvz, shadow_shape[0])
+                    : area_taps(shadow_map_1, shadow_depth_1, uvz, shadow_shape[1]);
+#else
+    ivec2 texel = ivec2(uvz.xy * vec2(textureSize(shadow_map_0, 0)));
+    vec4 bounds = texelFetch(shadow_bounds, texel / SHADOW_SQUARE, 0);
+    vec2 depths = map == 0 ? bounds.xy : bounds.zw;
+    if (uvz.z <= depths.x) return 1.0;
+    if (uvz.z > depths.y) return 0.0;
+    int side = int(shadow_shape[map].x);
+    return map == 0 ? shadow_taps(shadow_map_0, uvz, side) : shadow_taps(shadow_map_1, uvz, side);
+#endif
+}
+#endif
+
+// The share of its light that arrives from each lamp with a map, on a surface that takes it up to
+// `beyond` the right angle; of what is not seen there anyway, 1.
+vec2 shares_at(vec3 place, vec3 normal, float beyond) {
+    vec2 shares = vec2(1.0);
+#ifdef SHADOWS
+    vec3 towards;
+#ifdef LAMP_OF_MAP_0
+    if (lamp_at(LAMP_OF_MAP_0, place, towards) != vec3(0.0) && dot(normal, towards) > -beyond)
+        shares.x = shadow_of(0, place, normal);
+#endif
+#ifdef LAMP_OF_MAP_1
+    if (lamp_at(LAMP_OF_MAP_1, place, towards) != vec3(0.0) && dot(normal, towards) > -beyond)
+        shares.y = shadow_of(1, place, normal);
+#endif
+#endif
+    return shares;
+}
+
 // Lambert's law with the light bleeding round the edge by `wrap` per colour, and one highlight.
 vec3 lit(vec3 albedo, vec3 wrap, vec3 place, vec3 normal, vec3 view, float gloss, float shine) {
     vec3 arrived = ambient_at(normal);
     vec3 highlight = vec3(0.0);
     vec3 spread = 1.0 / ((1.0 + wrap) * (1.0 + wrap));
+    vec2 shares = shares_at(place, normal, max(wrap.r, max(wrap.g, wrap.b)));
     for (int i = 0; i < LAMPS; ++i) {
         vec3 towards;
         vec3 arriving = lamp_at(i, place, towards);
         float cosine = dot(normal, towards);
-        if (SHADOW_OF[i] >= 0) arriving *= shadow_of(SHADOW_OF[i], place, normal);
+        if (SHADOW_OF[i] >= 0) arriving *= shares[SHADOW_OF[i]];
         arrived += arriving * max((cosine + wrap) * spread, 0.0);
 #ifndef NO_SHINE
         float half_cosine = max(dot(normal, normalize(towards + view)), 0.0);

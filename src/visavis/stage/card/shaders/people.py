@@ -1,7 +1,7 @@
 """Skin, eyes, hair and cloth, in GLSL: skinning from textures of vertices and joints; shading."""
 
 from visavis.stage.card.shaders import source
-from visavis.stage.card.shaders.lighting import DECODED, LIGHTING
+from visavis.stage.card.shaders.lighting import DECODED, FRAME_BLOCK, LIGHTING
 
 SHADERS = {
     "skin": "KIND_SKIN",
@@ -54,6 +54,8 @@ VERTEX = LIGHTING + EACH + source("people_skinned_look") + source("people_vertex
 
 LIT_VERTEX = LIGHTING + DECODED + EACH + source("people_lit_look") + source("people_vertex")
 """For people whom the processor has skinned and lit."""
+
+DEPTH_VERTEX = FRAME_BLOCK + source("people_depth_vertex")
 
 SHADOW_VERTEX = source("people_shadow_vertex")
 

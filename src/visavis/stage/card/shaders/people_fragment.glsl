@@ -93,11 +93,12 @@ vec3 eye_surface(vec3 n, vec3 view, vec3 iris_colour) {
     vec3 arrived = ambient_at(n) * BESIDE_BROW_AND_NOSE;
     vec3 lamps = vec3(0.0, 1e-3, 0.0);
     float raised = normalize(detail).y / iris;
+    vec2 shares = shares_at(place, n, 0.25);
     for (int i = 0; i < LAMPS; ++i) {
         vec3 towards;
         vec3 arriving = lamp_at(i, place, towards);
         lamps += towards * (arriving.g * max(dot(view, towards), 0.0));
-        if (SHADOW_OF[i] >= 0) arriving *= shadow_of(SHADOW_OF[i], place, n);
+        if (SHADOW_OF[i] >= 0) arriving *= shares[SHADOW_OF[i]];
         arrived += arriving * (below_lid(towards, n, raised)
                                * max((dot(n, towards) + 0.25) / 1.5625, 0.0));
     }
@@ -141,10 +142,11 @@ vec3 hair_surface(vec3 albedo, vec3 n, vec3 view, float roughness) {
     float strand = smooth_grain(atan(detail.x, detail.z + 0.02) * 60.0 + 200.0);
 #endif
     vec3 result = albedo * (0.80 + 0.4 * strand) * ambient_at(n);
+    vec2 shares = shares_at(place, n, 0.3);
     for (int i = 0; i < LAMPS; ++i) {
         vec3 towards;
         vec3 arriving = lamp_at(i, place, towards);
-        if (SHADOW_OF[i] >= 0) arriving *= shadow_of(SHADOW_OF[i], place, n);
+        if (SHADOW_OF[i] >= 0) arriving *= shares[SHADOW_OF[i]];
         float cosine = dot(n, towards);
         vec3 middle = normalize(towards + view);
         float lean = dot(along, middle) + 0.18 * (strand - 0.5);
@@ -204,11 +206,12 @@ vec3 microfacets(vec3 albedo, vec3 wrap, vec3 n, vec3 view, float roughness, flo
     vec3 mirrored = max(f0 * share.x + f90 * share.y, 0.0) * ambient_at(reflect(-view, n));
     vec3 result = open * (matte * ambient_at(n) + mirrored
                           + fuzz * ambient_at(n) * pow(1.0 - facing, 3.0));
+    vec2 shares = shares_at(place, n, max(wrap.r, max(wrap.g, wrap.b)));
     for (int i = 0; i < LAMPS; ++i) {
         vec3 towards;
         vec3 arriving = lamp_at(i, place, towards);
         float cosine = dot(n, towards);
-        if (SHADOW_OF[i] >= 0) arriving *= shadow_of(SHADOW_OF[i], place, n);
+        if (SHADOW_OF[i] >= 0) arriving *= shares[SHADOW_OF[i]];
         vec3 halfway = normalize(towards + view);
         float nh = max(dot(n, halfway), 0.0), lit_cosine = max(cosine, 0.0);
         float bell = nh * nh * (a2 - 1.0) + 1.0;

@@ -1,3 +1,4 @@
+invariant gl_Position;
 in vec3 in_place;
 in vec3 in_detail;  // of textured surfaces the layer last
 in uvec4 in_surface;

@@ -5,6 +5,8 @@ from visavis.stage.card.shaders.lighting import DECODED, FRAME_BLOCK, LIGHTING
 
 VERTEX = LIGHTING + DECODED + source("room_vertex")
 
+DEPTH_VERTEX = FRAME_BLOCK + source("room_depth_vertex")
+
 SHADOW_VERTEX = source("room_shadow_vertex")
 
 FRAGMENT = LIGHTING + DECODED + source("room_fragment")

@@ -1,3 +1,4 @@
+invariant gl_Position;
 uniform mat4 world_from_prop;
 in vec3 in_place_m;
 in vec4 in_normal;
