@@ -176,6 +176,9 @@ PICTURES: Final[
     "gestures_heard.jpg": ByHand(
         "a picture of every half second of gestures_heard.webm, above its sound's spectrogram"
     ),
+    "shadows_by_bounds.jpg": ByHand(
+        "drawn before and after decision 0028 with 4 samples, cut from 800 by 600 pixels"
+    ),
     "matching_page.jpg": ByHand("`visavis run matching --devices sim` in Chromium, an adjustment"),
     "matching_survival.png": ByHand("figure `survival` of `visavis simulate matching`"),
     "adjectives_dendrogram.png": ByHand("figure `dendrogram` of `visavis simulate adjectives`"),

@@ -20,7 +20,7 @@ from visavis.stage.geometry.joint_rows import JointRows
 from visavis.stimuli.characters.character import Character
 
 CASTING_LEVEL = 1
-"""The finest level that throws shadows: texels of a map are larger than triangles of full detail."""
+"""The finest level that throws shadows: texels of a map are larger than full detail is."""
 SPARE_01 = 0.25
 """Share of rows kept free for people who come nearer."""
 
