@@ -25,7 +25,7 @@ from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Quality, Renderer
-from visavis.stage.stills import still_quality
+from visavis.stage.stills import STILL
 
 CORE = ("stare", "crowd", "waving")
 ON_PAGE = str(STUDIES / "films.py")
@@ -113,7 +113,7 @@ def test_a_frame_of_a_session_is_drawn_again(
     begin_ns = int(trials[trials["trial_id"] == "T01"].iloc[0]["t_start_ns"])
     frames = recording.stream_arrays("frames")
     frame = int(frames["frame_index"][np.searchsorted(frames["t_host_ns"], begin_ns + LATER_NS)])
-    png, times, asked_for = tmp_path / "frame.png", still_quality().shrink_factor, []
+    png, times, asked_for = tmp_path / "frame.png", STILL.shrink_factor, []
 
     def opened(quality: Quality) -> Renderer:
         asked_for.append(quality.samples)

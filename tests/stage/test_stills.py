@@ -1,5 +1,7 @@
 """Single pictures: of the size asked for, the same as any drawing, smooth at edges."""
 
+import sys
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -84,6 +86,19 @@ def test_stripes_finer_than_pixels_fade_instead_of_beating() -> None:
         )
     found = {away_m: shown / true for away_m, (shown, true) in mean_of(contrast).items()}
     assert {} == {away_m: over for away_m, over in found.items() if over > MAX_CONTRAST}
+
+
+def test_cards_draw_stills_as_processors_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Filters of cards differ: with their samples stripes beat at 5 m."""
+    everywhere = (module for name, module in sys.modules.items() if name.startswith("visavis."))
+    for module in [m for m in everywhere if hasattr(m, "draws_on_processor")]:
+        monkeypatch.setattr(module, "draws_on_processor", lambda _: False)
+    try:
+        with Stills() as stills:
+            quality = stills.renderer.quality
+    except StageError as problem:
+        pytest.skip(str(problem))
+    assert Quality(samples=0, shrink_factor=2) == quality
 
 
 def mean_of(pairs: dict[float, list[tuple[float, float]]]) -> dict[float, Vector]:

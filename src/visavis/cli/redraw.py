@@ -23,7 +23,7 @@ from visavis.stage.drawn_stage import Display, DrawnStage, default_views
 from visavis.stage.frame_truth import read_views
 from visavis.stage.own_body import OwnBody
 from visavis.stage.renderer import Image, Renderer
-from visavis.stage.stills import shrink, still_quality
+from visavis.stage.stills import STILL, shrink
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.panels import IN_HEADSET, SIZE_M, PanelFrame, Surface, board_pose
@@ -166,11 +166,10 @@ def _draw_anew(
     board = next(iter(boards_at(recording, study, part_number, t_ns)), None)
     if board is not None:
         view = with_board(view, board)
-    quality = still_quality()
-    times, (width, height) = quality.shrink_factor, UNDRAWN_PX
+    times, (width, height) = STILL.shrink_factor, UNDRAWN_PX
     stage = DrawnStage(
         picture_of,
-        lambda: Renderer(quality=quality),
+        lambda: Renderer(quality=STILL),
         Display(default_views, lambda: (times * width, times * height), 0),
         SimClock(),
     )

@@ -5,30 +5,17 @@ import numpy.typing as npt
 from numba import njit
 
 from visavis.lab.closing import Closing
-from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
 from visavis.stage.processor.models import LINEAR_OF_CODE
 from visavis.stage.renderer import Quality, Renderer
 from visavis.stimuli.picture import Camera, Picture
 
 TIMES = 2
-"""Factor, in both directions, by which a processor draws larger before it scales down."""
-
-
-def still_quality() -> Quality:
-    """Return how a single picture is drawn here, at full quality.
-
-    A graphics card smooths edges by samples. Drivers that draw on the processor take twenty times
-    as long for four samples of a crowded place as for a picture of four times the pixels, which
-    looks the same when made small.
-    """
-    context = offscreen_context()
-    try:
-        if draws_on_processor(context):
-            return Quality(samples=0, shrink_factor=TIMES)
-        return Quality()
-    finally:
-        release_offscreen(context)
-
+"""Factor, in both directions, by which a picture is drawn larger before it is made small."""
+STILL = Quality(samples=0, shrink_factor=TIMES)
+"""How a single picture is drawn, at full quality, alike by every driver: so that cloth finer than
+pixels fades by a rule of ours. Drivers that draw on the processor take twenty times as long for
+four samples of a crowded place as for four times the pixels, which look the same made small.
+"""
 
 _STEPS = 1 << 14
 _LIGHT_OF_CODE = np.round(LINEAR_OF_CODE * (_STEPS - 1)).astype(np.uint32)
@@ -82,7 +69,7 @@ class Stills(Closing):
     """
 
     def __init__(self, quality: Quality | None = None) -> None:
-        self.renderer = Renderer(quality=still_quality() if quality is None else quality)
+        self.renderer = Renderer(quality=STILL if quality is None else quality)
 
     def image(
         self, picture: Picture, camera: Camera, size_px: tuple[int, int]
