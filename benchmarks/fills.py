@@ -110,7 +110,7 @@ def work_rows(name: str, size_px: Size) -> list[Row]:
         Row(f"{name}: reads of maps a pixel", float(reads), "reads", MOST_READS[name]),
         Row("  pixels lit for one that is seen", work.lit_px / pixels, "pixels", MOST_LIT),
         Row("  triangles into maps", work.map_triangles, "triangles", MOST_TRIANGLES[name]),
-        Row("  pixels into maps", work.map_px, "pixels"),
+        Row("  pixels into maps and bounds", work.map_px, "pixels"),
     ]
 
 
