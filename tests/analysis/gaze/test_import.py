@@ -10,7 +10,12 @@ from hypothesis.extra import numpy as hnp
 
 from tests.analysis.gaze.streams import looks, shaken, stamps
 from visavis.analysis.gaze.bids import read_bids, write_bids
-from visavis.analysis.gaze.foreign import GazeRecording, axes_matrix, eye_samples
+from visavis.analysis.gaze.foreign import (
+    GazeRecording,
+    axes_matrix,
+    eye_samples,
+    quaternions_of_euler,
+)
 from visavis.analysis.gaze.import_report import (
     movements_of,
     prepare,
@@ -214,6 +219,40 @@ def test_mapped_csv_with_decimal_commas(tmp_path):
     assert np.isnan(r.combined.pupil_mm[1])
     assert [1.0, 1.5, -2.0] == r.head_position_m[0].tolist()
     assert 90.0 == r.rate_hz
+
+
+@pytest.mark.parametrize(
+    "orientation",
+    [
+        {"orientation_wxyz": ["w", "x", "y", "z"]},
+        {"orientation_xyzw": ["x", "y", "z", "w"]},
+        {"euler": {"columns": ["a", "b", "c"], "order": "yxz", "unit": "deg"}},
+        {"euler": {"columns": ["a_rad", "b_rad", "c_rad"], "order": "yxz", "unit": "rad"}},
+    ],
+)
+def test_a_mapped_head_is_the_same_however_its_turn_is_written(tmp_path, orientation):
+    angles_deg = np.array([20.0, 35.0, -50.0])
+    w, x, y, z = quaternions_of_euler(angles_deg[None], "yxz")[0]
+    a, b, c = angles_deg
+    numbers = [0, 0.0, 0.0, -1.0, 1, 2, 3, w, x, y, z, a, b, c, *np.radians(angles_deg)]
+    path = tmp_path / "a.csv"
+    names = "t,gx,gy,gz,px,py,pz,w,x,y,z,a,b,c,a_rad,b_rad,c_rad"
+    path.write_text(f"{names}\n" + ",".join(repr(float(n)) for n in numbers) + "\n")
+    read = read_gaze(
+        path,
+        "csv",
+        mapping_of(
+            {
+                "time": {"column": "t", "unit": "s"},
+                "space": "head",
+                "axes": {"right": "+x", "up": "+y", "forward": "-z"},
+                "combined": {"direction": ["gx", "gy", "gz"]},
+                "head": {"position": ["px", "py", "pz"], "unit": "m", **orientation},
+            }
+        ),
+    )
+    expected = rotate(np.array([w, x, y, z]), np.eye(3))
+    assert pytest.approx(expected, abs=1e-9) == rotate(read.head_orientation_wxyz[0], np.eye(3))
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("deg", 1.0), ("rad", np.pi / 180)])
