@@ -65,7 +65,8 @@ def _contacts() -> list[Row]:
             times["cpu_ms"],
             "CPU ms",
             floor=times["floor_cpu_ms"],
-            floor_name="the call, and those known to be touched posed and described",
+            floor_name="the call, and whoever is touched posed and described",
+            floor_is_ours=True,
         )
     ]
 
@@ -112,6 +113,7 @@ def _motion() -> list[Row]:
                 at_least=True,
                 floor=loops,
                 floor_name="Squad turns three arcs where a clip turns one: its loop alone reaches",
+                floor_is_ours=True,
             )
         )
     return rows

@@ -302,6 +302,7 @@ def measure(
             most_ms,
             floor=float(floors.mean()),
             floor_name=passes,
+            floor_is_ours=True,
         ),
         Row(f"{size}: pair, median", float(np.median(ms)), "CPU ms", limit_ms),
         Row(
@@ -310,6 +311,7 @@ def measure(
             "CPU ms",
             floor=float(floors[ms.argmax()]),
             floor_name=f"of that pair {passes}",
+            floor_is_ours=True,
         ),
         Row(f"{size}: median error", float(np.median(error[true > ACCURATE_FROM_M3])), "%", 0.5),
         Row(
@@ -319,6 +321,7 @@ def measure(
             4.0,
             floor=within[-1] if within else curve[0][2],
             floor_name=f"as close as {most_ms:g} ms a pair allow, else the widest ({steps})",
+            floor_is_ours=True,
         ),
         Row(f"{size}: pairs on the wrong side of 1e-6 m3", wrong, f"of {n_pairs}", 0.5),
     ]

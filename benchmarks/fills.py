@@ -36,10 +36,10 @@ from visavis.stimuli.picture import Camera, Picture
 
 EYE_PX = (480, 528)
 SAMPLES, TURNS, WARMING = 4, 5, 2
-MOST_FILLS = 3.0
-MOST_READS = {"stare": 8.0, "crowd": 2.0}
-MOST_LIT = 1.25
-MOST_TRIANGLES = {"stare": 150_000.0, "crowd": 300_000.0}
+MAX_FILLS = 3.0
+MAX_READS = {"stare": 8.0, "crowd": 2.0}
+MAX_LIT = 1.25
+MAX_TRIANGLES = {"stare": 150_000.0, "crowd": 300_000.0}
 PLAIN_FRAGMENT = "out vec4 pixel;\nvoid main() { pixel = vec4(0.2, 0.4, 0.6, 1.0); }\n"
 SCENES = {"stare": audience, "crowd": station}
 WITH_AND_WITHOUT: tuple[Shadows, ...] = ("maps", "none")
@@ -107,9 +107,9 @@ def work_rows(name: str, size_px: Size) -> list[Row]:
             renderer.draw(picture, cameras, targets)
     pixels = 2 * size_px[0] * size_px[1]
     return [
-        Row(f"{name}: reads of maps a pixel", float(reads), "reads", MOST_READS[name]),
-        Row("  pixels lit for one that is seen", work.lit_px / pixels, "pixels", MOST_LIT),
-        Row("  triangles into maps", work.map_triangles, "triangles", MOST_TRIANGLES[name]),
+        Row(f"{name}: reads of maps a pixel", float(reads), "reads", MAX_READS[name]),
+        Row("  pixels lit for one that is seen", work.lit_px / pixels, "pixels", MAX_LIT),
+        Row("  triangles into maps", work.map_triangles, "triangles", MAX_TRIANGLES[name]),
         Row("  pixels into maps and bounds", work.map_px, "pixels"),
     ]
 
@@ -123,7 +123,7 @@ def rows(size_px: Size) -> list[Row]:
             fills_ms.append(fill_ms)
             with_maps = shadows == "maps"
             what = f"{name}, both eyes" if with_maps else "  without shadow maps"
-            limit = MOST_FILLS if with_maps else None
+            limit = MAX_FILLS if with_maps else None
             shown.append(Row(what, frame_ms / fill_ms, "fills", limit))
     fill = Row("a fill of both eyes", float(np.median(fills_ms)), "ms")
     return [fill, *shown, *(row for name in SCENES for row in work_rows(name, size_px))]

@@ -218,6 +218,7 @@ def rows_of(wire: str, seconds: float) -> list[Row]:
             MEDIAN_LIMIT_MS,
             floor=waited[0],
             floor_name=median_name,
+            floor_is_ours=True,
         ),
         Row(
             f"{wire}: work per frame, p99",
@@ -226,6 +227,7 @@ def rows_of(wire: str, seconds: float) -> list[Row]:
             P99_LIMIT_MS,
             floor=waited[1],
             floor_name=p99_name,
+            floor_is_ours=True,
         ),
         Row(f"{wire}: work per frame, longest", max(work_ms), "ms"),
         Row(f"{wire}: frames dropped", dropped, ""),

@@ -53,10 +53,7 @@ AT_START: Final[Mapping[str, float]] = {
 
 
 def rows_at_start(checkout: Path, group: str) -> dict[str, float]:
-    """Return the figures of a group in an older checkout by today's names, none of new groups.
-
-    The first time its machine code is made, too: figures of starting something count the second.
-    """
+    """Return the figures of a group in an older checkout by today's names, none of new groups."""
     if group not in COMMANDS:
         return {}
     environment = os.environ | {"PYTHONPATH": str(checkout)}
@@ -78,12 +75,12 @@ def rows_at_start(checkout: Path, group: str) -> dict[str, float]:
     return figures
 
 
-def _named(found: Any) -> Iterator[tuple[str, float]]:
+def _named(printed: Any) -> Iterator[tuple[str, float]]:
     """Yield names and values of what benchmarks of that time print, by today's names."""
-    if isinstance(found, dict):
-        yield "Squad", found["squad_mquat_per_s"]
+    if isinstance(printed, dict):
+        yield "Squad", printed["squad_mquat_per_s"]
         return
-    for row in found:
+    for row in printed:
         if "people" in row and "cpu_ms" in row:
             yield f"contacts, 6 × {round(row['people'] / 100) * 100}", row["cpu_ms"]
             continue

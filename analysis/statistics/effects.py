@@ -63,7 +63,8 @@ def tails_of(
     expected = LONG_TAILS_EXPECTED / (2 if of_differences else 1)
     excess = skewness = 0.0
     if mean > 0:
-        excess = rows.shape[1] * (float(np.vdot(squares, squares)) / n / mean**2 - 1) - 2
+        shares = squares / mean  # whose squares are numbers, however small the values
+        excess = rows.shape[1] * (float(np.vdot(shares, shares)) / n - 1) - 2
         skewness = float((scores**3).mean() / mean**1.5) if of_one_mean else 0.0
     total = PEOPLE_EXPECTED * expected + n * KURTOSIS_UNSEEN * max(excess, 0.0)
     return Tails(total / (PEOPLE_EXPECTED + n), people or n, SKEWNESS_UNSEEN * skewness)

@@ -23,12 +23,12 @@ def nonlinear_scale_interactions(
 ) -> Iterator[str]:
     """Name significant interactions of significant factors on a bounded or skewed response."""
     significant_terms = [e.term for e in effects if e.p_used < alpha]
-    made_of_others = [
+    compound_terms = [
         term
         for term in significant_terms
         if len(term) > 1 and all((name,) in significant_terms for name in term)
     ]
-    if not made_of_others:
+    if not compound_terms:
         return
     shares = (design.y == design.y.min()).mean(), (design.y == design.y.max()).mean()
     if max(shares) >= BOUND_SHARE:
@@ -37,7 +37,7 @@ def nonlinear_scale_interactions(
         why = "residuals are skewed"
     else:
         return
-    for term in made_of_others:
+    for term in compound_terms:
         yield (
             f"{':'.join(term)}: {why} and its factors have effects of their own, which make an "
             f"interaction by themselves on such a scale; {NO_CLAIM} "

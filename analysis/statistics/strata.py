@@ -30,7 +30,7 @@ def helmert(k: int) -> Array:
 
 
 @lru_cache(maxsize=256)
-def contrasts(levels: tuple[int, ...], is_inside: tuple[bool, ...]) -> Array:
+def orthonormal_contrasts(levels: tuple[int, ...], is_inside: tuple[bool, ...]) -> Array:
     """Return orthonormal contrasts (cells, q) over cells of factors, the last one's side by side.
 
     Factors that are not inside are averaged, times √k, so that sums of squares come out per row.
@@ -91,7 +91,9 @@ class Strata:
         `table` has shape (subjects, levels of within 1, …); factors outside the term are averaged.
         """
         inside = tuple(name in term for name in self._within)
-        scores: Array = table.reshape(len(table), -1) @ contrasts(table.shape[1:], inside)
+        scores: Array = table.reshape(len(table), -1) @ orthonormal_contrasts(
+            table.shape[1:], inside
+        )
         return scores
 
     def test(self, table: Array, term: Sequence[str]) -> Stratum:

@@ -13,6 +13,7 @@ from benchmarks.table import Row
         (False, Row("time", 3.0, "ms", 1.0, floor=0.9, floor_name="the driver alone")),
         (True, Row("rate", 3.0, "1/s", 9.0, at_least=True, floor=6.0, floor_name="one pass")),
         (False, Row("rate", 3.0, "1/s", 9.0, at_least=True, floor=9.5, floor_name="one pass")),
+        (False, Row("time", 3.0, "ms", 1.0, floor=2.0, floor_is_ours=True)),
         (False, Row("time", 3.0, "ms", 1.0)),
         (False, Row("time", 3.0, "ms", floor=2.0)),
     ],
@@ -31,3 +32,8 @@ def test_a_missed_row_says_what_its_floor_is_and_how_far_above_it_is() -> None:
 def test_a_row_within_its_limit_is_printed_without_its_floor() -> None:
     row = Row("time", 0.5, "ms", 1.0, floor=0.4, floor_name="the driver alone")
     assert "driver" not in line_of(row, None)
+
+
+def test_a_floor_of_nothing_is_printed_without_a_ratio() -> None:
+    row = Row("time", 3.0, "ms", 1.0, floor=0.0, floor_name="nothing")
+    assert "nothing: 0 ms" == row.floor_line

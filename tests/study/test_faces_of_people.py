@@ -7,11 +7,13 @@ import pytest
 
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
+from visavis.running.film_store import FilmStore
+from visavis.running.live_film import live_film_files
 from visavis.stimuli.characters.character import MORPHS
 from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.faces import CHANGE_S, EXPRESSIONS
 from visavis.study.dry_run import still_view
+from visavis.study.films import Film
 from visavis.study.scenes import Scene, Staging, stage
 
 
@@ -73,10 +75,13 @@ def test_who_talks_while_smiling_does_both():
         ({"face": "smlie"}, "did you mean 'smile'"),
         ({"face": "smile", "face_01": 1.5}, "strength 1.5"),
         ({"face": "smile", "face_from_s": -1.0}, "from -1 s"),
+        ({"face": "smile", "face_01": "half"}, "are not both numbers"),
+        ({"face_01": 0.5}, "are of a face; name it"),
+        ({"face_from_s": 2.0}, "are of a face; name it"),
     ],
 )
 def test_a_face_that_nobody_can_make_is_refused(options, says):
-    with pytest.raises(MotionError, match=says):
+    with pytest.raises(DesignError, match=f"scene person.*{says}"):
         shapes("person", 0.0, **options)
 
 
@@ -91,10 +96,10 @@ def test_a_misspelt_face_option_is_named():
 
 
 def test_a_scene_that_takes_a_face_of_its_own_is_given_it():
-    given = []
+    faces = []
 
     def by_name(staging, *, face):
-        given.append(face)
+        faces.append(face)
         return stage(Scene("person"), staging, {})
 
     def any_option(staging, **options):
@@ -102,4 +107,33 @@ def test_a_scene_that_takes_a_face_of_its_own_is_given_it():
 
     for maker in (by_name, any_option):
         stage(Scene("mine", face="grin"), Staging(np.random.default_rng(1), 8.0), {"mine": maker})
-    assert ["grin", "grin"] == given
+    assert ["grin", "grin"] == faces
+
+
+def test_a_scene_without_an_active_person_makes_no_faces():
+    def nobody_is_active(staging):
+        staged = stage(Scene("person"), staging, {})
+        return replace(staged, roles={"person": 0})
+
+    with pytest.raises(DesignError, match="nobody in scene mine makes faces"):
+        stage(
+            Scene("mine", face="smile"),
+            Staging(np.random.default_rng(1), 8.0),
+            {"mine": nobody_is_active},
+        )
+
+
+def test_a_face_belongs_to_one_side_of_a_pair():
+    person = Scene("person")
+    with pytest.raises(DesignError, match="a pair takes scenes and no face"):
+        stage(
+            Scene("pair", left=person, right=person, face="smile"),
+            Staging(np.random.default_rng(1), 8.0),
+            {},
+        )
+
+
+def test_people_whom_a_page_draws_itself_refuse_faces(tmp_path):
+    film = Film(Scene("person", face="smile"), 1.0)
+    with pytest.raises(DesignError, match="somebody makes a face"):
+        live_film_files(film, FilmStore({}, tmp_path))

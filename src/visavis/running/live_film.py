@@ -22,6 +22,7 @@ from visavis.stage.card.vertices import room_vertices
 from visavis.stage.processor.baked_room import baked_room
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.characters.gltf.exporting import glb_of_character
+from visavis.stimuli.motion.faces import NEUTRAL
 from visavis.stimuli.motion.rotations import one_way_round
 from visavis.stimuli.motion.skeleton import Skeleton
 from visavis.stimuli.page_arrays import packed_arrays
@@ -54,7 +55,7 @@ def live_film_files(film: Film, store: FilmStore) -> LiveFilmFiles:
     """Return the files of a film that a page draws, made once in a process.
 
     Raises:
-        DesignError: things move in it, or its people or room change.
+        DesignError: things move in it, its people or room change, or somebody makes a face.
     """
     return _files(film, tuple(store.makers.items()), store.study_folder)
 
@@ -66,6 +67,12 @@ def _files(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> L
     if any(p.moving or p.room is not first.room or p.cast != first.cast for p in pictures):
         raise DesignError(
             f"{film.scene.name}: things move in it, or people come and go; watch it as a film"
+        )
+    scene = FilmStore(dict(makers), folder).stage_film(film).scene
+    if any(person.face != NEUTRAL for person in getattr(scene, "people", ())):
+        raise DesignError(
+            f"{film.scene.name}: somebody makes a face, and people that a page draws have still "
+            "ones; watch it as a film"
         )
     root_m = np.array([p.people.root_m for p in pictures])
     turns = one_way_round(np.array([p.people.orientation_wxyz for p in pictures]))

@@ -29,6 +29,7 @@ from visavis.stimuli.flat import Colour, Flat, Image, Panorama, Video, picture_p
 from visavis.stimuli.gaze.behaviour import Course, EyeBehaviour
 from visavis.stimuli.gaze.blinks import draw_blinks
 from visavis.stimuli.gaze_window import GazeWindow, WindowPlace
+from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.faces import Face
 from visavis.stimuli.motion.kinds import (
     Crouch,
@@ -468,16 +469,26 @@ def _in_room(staged_scene: StagedScene, scene: Scene, staging: Staging) -> Stage
 def _with_face(
     staged_scene: StagedScene,
     scene: Scene,
-    face: str = "neutral",
+    face: str = "",
     face_01: float = 1.0,
     face_from_s: float = 0.0,
 ) -> StagedScene:
     """Return a scene whose active person makes a face, so much of it, from then on."""
     gathering = staged_scene.scene
-    if not (isinstance(staged_scene, WithEyes) and isinstance(gathering, GatheringScene)):
+    if (
+        not isinstance(staged_scene, WithEyes)
+        or not isinstance(gathering, GatheringScene)
+        or "active" not in staged_scene.roles
+    ):
         raise DesignError(f"nobody in scene {scene.name} makes faces; leave out face")
+    if not face:
+        raise DesignError(f"scene {scene.name}: face_01 and face_from_s are of a face; name it")
+    try:
+        expression = Face(face, face_01, face_from_s)
+    except (MotionError, TypeError) as error:
+        raise DesignError(f"scene {scene.name}: {error}") from error
     people, who = list(gathering.people), staged_scene.roles["active"]
-    people[who] = replace(people[who], face=Face(face, face_01, face_from_s))
+    people[who] = replace(people[who], face=expression)
     staged_scene.scene = replace(gathering, people=tuple(people))
     return staged_scene
 
@@ -645,6 +656,9 @@ def stage(scene: Scene, staging: Staging, own: Mapping[str, Maker]) -> StagedSce
     makers = {**SCENES, **own}
     name = scene.name
     if name == PAIR:
+        for option, half in scene.options.items():
+            if not isinstance(half, Scene):
+                raise DesignError(f"a pair takes scenes and no {option}; give it to one of them")
         sides = {side: stage(half, staging, own) for side, half in scene.options.items()}
         return _beside(staging, sides)
     maker = makers.get(name)
@@ -665,7 +679,7 @@ def stage(scene: Scene, staging: Staging, own: Mapping[str, Maker]) -> StagedSce
     if option_names is not None:
         for option in own_options:
             if option not in option_names:
-                choices = (*option_names, *AROUND)
+                choices = (*option_names, *(AROUND if maker in (person, two_people) else outer[:1]))
                 raise DesignError(unknown_argument(f"scene {name}", option, choices))
     try:
         staged_scene = maker(staging, **own_options)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from visavis.analysis.statistics.anova import rm_anova
 from visavis.analysis.statistics.sphericity import sphericity
 
 
@@ -40,3 +41,19 @@ def test_errors_of_zero_have_no_epsilon() -> None:
     found = sphericity(np.zeros((60, 2)), 59, 4.0, 2, n_cells=6)
     assert math.isnan(found.gg)
     assert found.W is None
+
+
+@pytest.mark.parametrize("factor", [1e-90, 1e-50, 1e50])
+def test_the_unit_of_a_response_changes_nothing(factor: float) -> None:
+    rng = np.random.default_rng(4)
+    n, k = 12, 3
+    y = rng.normal(size=(n, k)) + np.arange(k)
+    columns = {"who": np.repeat(np.arange(n), k), "what": np.tile(list("abc"), n)}
+    plain, scaled = (
+        rm_anova({**columns, "y": (u * y).ravel()}, "y", subject="who", within=("what",))
+        for u in (1.0, factor)
+    )
+    for one, other in zip(plain.effects, scaled.effects, strict=True):
+        assert pytest.approx((one.F, one.p_used)) == (other.F, other.p_used)
+        assert pytest.approx(one.eta.interval.low) == other.eta.interval.low
+        assert pytest.approx(one.eta.interval.high) == other.eta.interval.high

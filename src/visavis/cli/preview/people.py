@@ -17,9 +17,9 @@ from visavis.stage.stills import Stills
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.casting import build_of
 from visavis.stimuli.gaze.turning import Aimed
-from visavis.stimuli.motion.faces import Face
+from visavis.stimuli.motion.faces import NEUTRAL, Face
 from visavis.stimuli.motion.kinds import Idle
-from visavis.stimuli.motion.people import NEUTRAL, PeopleMotion, Person
+from visavis.stimuli.motion.people import PeopleMotion, Person
 from visavis.stimuli.motion.skeleton import forward
 from visavis.stimuli.picture import Picture
 from visavis.stimuli.rooms.portrait import portrait_studio

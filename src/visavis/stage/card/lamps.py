@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from visavis.lab.geometry import Vector, unit
-from visavis.stage.card.shaders.lighting import MAX_LIGHTS, MAX_SHADOWS, MOST_TAPS
+from visavis.stage.card.shaders.lighting import MAX_LIGHTS, MAX_SHADOWS, MAX_TAPS
 from visavis.stage.errors import StageError
 from visavis.stage.geometry.projection import looking
 from visavis.stimuli.picture import Light, Room
@@ -90,7 +90,7 @@ def _shadow_view(
 
 def _taps(softness_texels: float) -> int:
     """Return the taps a way that blur by so many texels to either side of an edge."""
-    return int(np.clip(round(softness_texels + 0.5), 2, MOST_TAPS))
+    return int(np.clip(round(softness_texels + 0.5), 2, MAX_TAPS))
 
 
 def lighting_block(room: Room, shadows: tuple[ShadowView, ...]) -> bytes:

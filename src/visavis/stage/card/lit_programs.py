@@ -68,9 +68,7 @@ class LitPrograms:
         key = (family, "depth")
         if key not in self._programs:
             vertex = glsl_people.DEPTH_VERTEX if family == "people" else glsl_room.DEPTH_VERTEX
-            self._programs[key] = compile_program(
-                self._context, vertex, glsl_people.SHADOW_FRAGMENT
-            )
+            self._programs[key] = compile_program(self._context, vertex, glsl_people.DEPTH_FRAGMENT)
         return self._programs[key]
 
     def skinning(self) -> moderngl.Program:

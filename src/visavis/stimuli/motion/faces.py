@@ -42,6 +42,9 @@ class Face:
             raise MotionError(
                 f"no face {self.expression!r}{did_you_mean(self.expression, EXPRESSIONS)}"
             )
+        numbers = (self.strength_01, self.from_s)
+        if not all(isinstance(number, int | float) for number in numbers):
+            raise MotionError(f"face {self.expression}: {numbers} are not both numbers")
         if not (0.0 <= self.strength_01 <= 1.0 and 0.0 <= self.from_s < np.inf):
             raise MotionError(
                 f"face {self.expression} with strength {self.strength_01:g} from {self.from_s:g} s "
@@ -55,3 +58,6 @@ class Face:
         for shape, weight in EXPRESSIONS[self.expression].items():
             weights[MORPHS.index(shape)] = share * self.strength_01 * weight
         return weights
+
+
+NEUTRAL: Final = Face()

@@ -92,7 +92,7 @@ class KeyTimes:
         )
         if not is_finite:
             raise MotionError("asked for a pose at a time that is not a number; give finite times")
-        return segment, h
+        return segment[()], h[()]
 
     @cached_property
     def _starts_s(self) -> Vector:

@@ -12,9 +12,15 @@ from visavis.stimuli.motion.slerp_kernels import Index
 
 @compiled
 def locate_rows(
-    t_s: Vector, first_s: float, starts_s: Vector, lasts_s: Vector, period_s: float,
-    is_held: bool, segment: Index, h: Vector,
-) -> bool:  # fmt: skip
+    t_s: Vector,
+    first_s: float,
+    starts_s: Vector,
+    lasts_s: Vector,
+    period_s: float,
+    is_held: bool,
+    segment: Index,
+    h: Vector,
+) -> bool:
     """Write segment and share h for times (n,); return whether all are finite.
 
     `starts_s` and `lasts_s` (segments,) count from the first key; `period_s` is 0 where the motion
@@ -36,9 +42,14 @@ def locate_rows(
 
 @compiled
 def path_rows(
-    places_m: Vector, slopes: Vector, lasts_s: Vector, is_smooth: bool,
-    segment: Index, h: Vector, out: Vector,
-) -> None:  # fmt: skip
+    places_m: Vector,
+    slopes: Vector,
+    lasts_s: Vector,
+    is_smooth: bool,
+    segment: Index,
+    h: Vector,
+    out: Vector,
+) -> None:
     """Write places (n, 3) between keys (k, 3): straight, or by cubics with `slopes` (k, 3), 1/s."""
     for r in range(h.shape[0]):
         s, x = segment[r], h[r]

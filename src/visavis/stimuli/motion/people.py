@@ -20,7 +20,7 @@ from visavis.stimuli.motion.blending import CrossFade
 from visavis.stimuli.motion.build import Build
 from visavis.stimuli.motion.clip import Frames, Motion
 from visavis.stimuli.motion.errors import MotionError
-from visavis.stimuli.motion.faces import Face
+from visavis.stimuli.motion.faces import NEUTRAL, Face
 from visavis.stimuli.motion.kinds import (
     NUMBERS,
     Kind,
@@ -38,7 +38,6 @@ from visavis.stimuli.motion.skeleton import Skeleton
 from visavis.stimuli.picture import PosedPeople
 
 Index = npt.NDArray[np.int64]
-NEUTRAL: Final = Face()
 MOUTH: Final = [MORPHS.index("jaw_open"), MORPHS.index("smile")]
 
 

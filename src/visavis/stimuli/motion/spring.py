@@ -72,4 +72,4 @@ class Spring:
             here.reshape(-1),
             speed.reshape(-1),
         )
-        return here, speed
+        return here[()], speed[()]

@@ -5,9 +5,9 @@ World frame: the participant's eyes are above the origin and look along −z.
 
 from dataclasses import dataclass
 
-from visavis.stimuli.motion.faces import Face
+from visavis.stimuli.motion.faces import NEUTRAL, Face
 from visavis.stimuli.motion.kinds import Kind
-from visavis.stimuli.motion.people import NEUTRAL, Doing
+from visavis.stimuli.motion.people import Doing
 from visavis.stimuli.scene import Scene
 
 

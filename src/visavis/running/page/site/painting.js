@@ -60,7 +60,7 @@ out vec3 v_place; out vec3 v_normal;
 ${LIGHT}
 void main() {
   vec3 at = place;
-  if (morph >= 0) for (int k = 0; k < 6; k++) if (shape[k] > 0.003)
+  if (morph >= 0) for (int k = 0; k < 6; k++) if (abs(shape[k]) > 0.003)
     at += shape[k] * texelFetch(deltas, ivec2(k + 6 * (morph % 64), morph / 64), 0).xyz;
   vec4 r0 = vec4(0.0), r1 = vec4(0.0), r2 = vec4(0.0);
   for (int i = 0; i < 4; i++) if (weights[i] > 0.0) {

@@ -8,7 +8,7 @@ MAX_LIGHTS = 8
 MAX_SHADOWS = 2
 SHADOW_SQUARE = 3
 """Texels a side of the squares of a shadow map whose bounds are known."""
-MOST_TAPS = 3
+MAX_TAPS = 3
 """A way across a shadow map: such reads stay within the squares beside that of their place."""
 
 FRAME_BLOCK = source("frame")

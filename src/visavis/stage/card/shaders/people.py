@@ -62,3 +62,5 @@ SHADOW_VERTEX = source("people_shadow_vertex")
 FRAGMENT = LIGHTING + DECODED + EACH + source("people_fragment")
 
 SHADOW_FRAGMENT = "void main() {}\n"
+DEPTH_FRAGMENT = "out vec4 colour;\nvoid main() { colour = vec4(1.0); }\n"
+"""Writes that all of a pixel is covered, which decides how many of its samples have depth."""
