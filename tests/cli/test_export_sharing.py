@@ -383,6 +383,22 @@ def test_a_raw_export_says_that_it_names_somebody(session: Path, lab: Path) -> N
     assert "holds a name" not in dry_run(session, lab, "public")
 
 
+def test_a_pseudonym_of_digits_is_no_telephone_number(session: Path) -> None:
+    sharing = Sharing("095795668203", "raw", lambda form, question: False)
+    findings = " ".join(privacy_sheet([SharedRecording(session, sharing)]).findings)
+    assert "telephone number: '095795668203'" not in findings
+
+
+def test_a_label_that_is_a_telephone_number_is_one(lab: Path) -> None:
+    label = "095795668203"
+    manifest = replace(probe_manifest(label, is_simulated=False), study="stare")
+    clock = SimClock()
+    with create_session(lab.parent / "data", manifest) as folder:
+        folder.end_part(clock, new_recorder(folder, clock, is_simulated=False).close("complete"))
+    shared = SharedRecording(folder.path, Sharing(label, "raw", lambda form, question: False))
+    assert "holds a telephone number" in " ".join(privacy_sheet([shared]).findings)
+
+
 @pytest.mark.parametrize("came_ns", [1_800_000_000 * 10**9, 14 * 3600 * 10**9])
 def test_times_tell_neither_a_day_nor_who_came_first(came_ns: int, lab: Path) -> None:
     """Those of an imported session count from 1970, others from the computer's start."""

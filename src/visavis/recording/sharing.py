@@ -120,6 +120,11 @@ class SharedRecording(Recording):
             parts = tuple(replace(part, reason="") for part in parts)
         self.manifest = replace(self.manifest, participant=sharing.label, parts=parts)
 
+    @property
+    def pseudonym(self) -> str | None:
+        """What stands for the participant's label; None where the label itself leaves."""
+        return None if self.sharing.label == self._own else self.sharing.label
+
     def events(self) -> pd.DataFrame:
         """Return all events as shown; see `Recording.events`."""
         events = super().events()
