@@ -56,7 +56,7 @@ def both_eyes(name: str, size_px: Size) -> tuple[Picture, list[Camera]]:
 def times_ms(name: str, shadows: Shadows, size_px: Size) -> tuple[float, float]:
     """Return the medians of a fill and of a scene's frame, drawn in turns."""
     picture, cameras = both_eyes(name, size_px)
-    clock, taken = SystemClock(), []
+    clock, times = SystemClock(), []
     with Renderer(quality=Quality(samples=SAMPLES, shadows=shadows)) as renderer:
         context = renderer.context
         on_processor = draws_on_processor(context)
@@ -83,8 +83,8 @@ def times_ms(name: str, shadows: Shadows, size_px: Size) -> tuple[float, float]:
                 context.finish()
                 wall_ms, cpu_ms = (clock.now_ns() - t_ns) / 1e6, (cpu_time_s() - cpu_s) * 1e3
                 turn.append(cpu_ms if on_processor else wall_ms)
-            taken.append(turn)
-    fill_ms, frame_ms = np.median(taken[WARMING:], axis=0)
+            times.append(turn)
+    fill_ms, frame_ms = np.median(times[WARMING:], axis=0)
     return float(fill_ms), float(frame_ms)
 
 
@@ -116,7 +116,7 @@ def work_rows(name: str, size_px: Size) -> list[Row]:
 
 def rows(size_px: Size) -> list[Row]:
     """Measure everything."""
-    shown, fills_ms = [], []
+    of_scenes, fills_ms = [], []
     for name in SCENES:
         for shadows in WITH_AND_WITHOUT:
             fill_ms, frame_ms = _in_process(name, shadows, size_px)
@@ -124,9 +124,9 @@ def rows(size_px: Size) -> list[Row]:
             with_maps = shadows == "maps"
             what = f"{name}, both eyes" if with_maps else "  without shadow maps"
             limit = MAX_FILLS if with_maps else None
-            shown.append(Row(what, frame_ms / fill_ms, "fills", limit))
+            of_scenes.append(Row(what, frame_ms / fill_ms, "fills", limit))
     fill = Row("a fill of both eyes", float(np.median(fills_ms)), "ms")
-    return [fill, *shown, *(row for name in SCENES for row in work_rows(name, size_px))]
+    return [fill, *of_scenes, *(row for name in SCENES for row in work_rows(name, size_px))]
 
 
 def main(argv: Sequence[str]) -> int:

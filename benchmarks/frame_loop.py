@@ -204,7 +204,7 @@ def rows_of(wire: str, seconds: float) -> list[Row]:
     with tempfile.TemporaryDirectory() as scratch:
         work_ms, dropped = work_per_frame_ms(wire, seconds, Path(scratch))
     median_ms, p99_ms = np.percentile(work_ms, [50, 99]).tolist()
-    at_once, waited = (own_work_ms(seconds, waits=waits) for waits in (False, True))
+    at_once, after_waits = (own_work_ms(seconds, waits=waits) for waits in (False, True))
     median_name, p99_name = (
         f"without wire and tracker {ms:.2g} ms where frames follow at once, and after waits of 8 ms"
         for ms in at_once
@@ -216,7 +216,7 @@ def rows_of(wire: str, seconds: float) -> list[Row]:
             median_ms,
             "ms",
             MEDIAN_LIMIT_MS,
-            floor=waited[0],
+            floor=after_waits[0],
             floor_name=median_name,
             floor_is_ours=True,
         ),
@@ -225,7 +225,7 @@ def rows_of(wire: str, seconds: float) -> list[Row]:
             p99_ms,
             "ms",
             P99_LIMIT_MS,
-            floor=waited[1],
+            floor=after_waits[1],
             floor_name=p99_name,
             floor_is_ours=True,
         ),

@@ -58,7 +58,7 @@ def rows_at_start(checkout: Path, group: str) -> dict[str, float]:
         return {}
     environment = os.environ | {"PYTHONPATH": str(checkout)}
     module, *arguments = COMMANDS[group]
-    done = subprocess.run(
+    child = subprocess.run(
         [sys.executable, "-m", f"benchmarks.{module}", *arguments, "--json"],
         cwd=checkout,
         env=environment,
@@ -66,21 +66,22 @@ def rows_at_start(checkout: Path, group: str) -> dict[str, float]:
         text=True,
         check=False,  # it returns 1 where it misses limits of its own
     )
-    text = done.stdout
+    text = child.stdout
     if not text.lstrip().startswith(("[", "{")):
-        raise RuntimeError(f"{checkout}: {module} printed no figures: {done.stderr[-300:].strip()}")
+        last_words = child.stderr[-300:].strip()
+        raise RuntimeError(f"{checkout}: {module} printed no figures: {last_words}")
     figures: dict[str, float] = {}
-    for name, value in _named(json.JSONDecoder().raw_decode(text.lstrip())[0]):
+    for name, value in _rows_by_name(json.JSONDecoder().raw_decode(text.lstrip())[0]):
         figures.setdefault(name, value)
     return figures
 
 
-def _named(printed: Any) -> Iterator[tuple[str, float]]:
+def _rows_by_name(output: Any) -> Iterator[tuple[str, float]]:
     """Yield names and values of what benchmarks of that time print, by today's names."""
-    if isinstance(printed, dict):
-        yield "Squad", printed["squad_mquat_per_s"]
+    if isinstance(output, dict):
+        yield "Squad", output["squad_mquat_per_s"]
         return
-    for row in printed:
+    for row in output:
         if "people" in row and "cpu_ms" in row:
             yield f"contacts, 6 × {round(row['people'] / 100) * 100}", row["cpu_ms"]
             continue

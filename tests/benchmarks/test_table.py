@@ -7,7 +7,7 @@ from benchmarks.table import Row
 
 
 @pytest.mark.parametrize(
-    ("explained", "row"),
+    ("is_explained", "row"),
     [
         (True, Row("time", 3.0, "ms", 1.0, floor=2.0, floor_name="the driver alone")),
         (False, Row("time", 3.0, "ms", 1.0, floor=0.9, floor_name="the driver alone")),
@@ -18,8 +18,8 @@ from benchmarks.table import Row
         (False, Row("time", 3.0, "ms", floor=2.0)),
     ],
 )
-def test_a_floor_explains_a_limit_only_where_it_misses_it_too(explained: bool, row: Row) -> None:
-    assert explained == row.is_explained
+def test_a_floor_explains_a_limit_only_where_it_misses_it_too(is_explained: bool, row: Row) -> None:
+    assert is_explained == row.is_explained
 
 
 def test_a_missed_row_says_what_its_floor_is_and_how_far_above_it_is() -> None:

@@ -34,9 +34,9 @@ def of_face(seconds=0.0, **options):
 @pytest.mark.parametrize("expression", EXPRESSIONS)
 @pytest.mark.parametrize("strength_01", [1.0, 0.5])
 def test_a_face_goes_as_far_as_the_study_says_from_the_onset_on(expression, strength_01):
-    moved = {k: v for k, v in of_face(face=expression, face_01=strength_01).items() if v}
+    shape_changes = {k: v for k, v in of_face(face=expression, face_01=strength_01).items() if v}
     expected = {k: strength_01 * v for k, v in EXPRESSIONS[expression].items()}
-    assert pytest.approx(expected) == moved
+    assert pytest.approx(expected) == shape_changes
 
 
 def test_a_later_face_comes_within_its_time_and_stays():
@@ -112,8 +112,8 @@ def test_a_scene_that_takes_a_face_of_its_own_is_given_it():
 
 def test_a_scene_without_an_active_person_makes_no_faces():
     def nobody_is_active(staging):
-        staged = stage(Scene("person"), staging, {})
-        return replace(staged, roles={"person": 0})
+        person_scene = stage(Scene("person"), staging, {})
+        return replace(person_scene, roles={"person": 0})
 
     with pytest.raises(DesignError, match="nobody in scene mine makes faces"):
         stage(

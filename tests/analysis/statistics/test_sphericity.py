@@ -18,29 +18,29 @@ def contrasts_with(variances: list[float], n: int = 60) -> np.ndarray:
 
 @pytest.mark.parametrize("variances", [[1.0, 1.0], [3.0, 2.0, 1.0]])
 def test_epsilon_is_that_of_the_eigenvalues(variances: list[float]) -> None:
-    found = sphericity(contrasts_with(variances), 59, 4.0, len(variances), n_cells=6)
+    result = sphericity(contrasts_with(variances), 59, 4.0, len(variances), n_cells=6)
     total, squares = sum(variances), sum(v * v for v in variances)
-    assert pytest.approx(total**2 / (len(variances) * squares)) == found.gg
+    assert pytest.approx(total**2 / (len(variances) * squares)) == result.gg
 
 
 def test_w_that_rounds_to_nothing_has_p_zero() -> None:
     variances = [1.0, *[2e-12] * 39]
-    found = sphericity(contrasts_with(variances), 59, 4.0, 40, n_cells=41)
-    assert found.W == 0.0
-    assert (0.0, 0.0) == (found.p, found.p_r)
+    result = sphericity(contrasts_with(variances), 59, 4.0, 40, n_cells=41)
+    assert result.W == 0.0
+    assert (0.0, 0.0) == (result.p, result.p_r)
 
 
 def test_the_size_of_errors_changes_nothing() -> None:
-    found = sphericity(contrasts_with([1e-200, 3e-200]), 59, 4.0, 2, n_cells=6)
+    result = sphericity(contrasts_with([1e-200, 3e-200]), 59, 4.0, 2, n_cells=6)
     expected = sphericity(contrasts_with([1.0, 3.0]), 59, 4.0, 2, n_cells=6)
-    assert pytest.approx(expected.gg) == found.gg
-    assert pytest.approx(expected.W) == found.W
+    assert pytest.approx(expected.gg) == result.gg
+    assert pytest.approx(expected.W) == result.W
 
 
 def test_errors_of_zero_have_no_epsilon() -> None:
-    found = sphericity(np.zeros((60, 2)), 59, 4.0, 2, n_cells=6)
-    assert math.isnan(found.gg)
-    assert found.W is None
+    result = sphericity(np.zeros((60, 2)), 59, 4.0, 2, n_cells=6)
+    assert math.isnan(result.gg)
+    assert result.W is None
 
 
 @pytest.mark.parametrize("factor", [1e-90, 1e-50, 1e50])

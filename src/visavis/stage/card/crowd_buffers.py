@@ -91,13 +91,13 @@ class CrowdBuffers:
             return
         self._last_choice = choice
         finest, everyone = self.level_count - 1, np.arange(len(level))
-        drawn = np.minimum(level, finest)
-        casting = np.minimum(np.maximum(level, CASTING_LEVEL), finest)
+        drawn_level = np.minimum(level, finest)
+        casting_level = np.minimum(np.maximum(level, CASTING_LEVEL), finest)
         # Who is drawn as coarsely as they cast is moved once for both.
-        is_extra = casts & ~(is_drawn & (drawn == casting))
+        is_extra = casts & ~(is_drawn & (drawn_level == casting_level))
         person = np.concatenate([everyone[is_drawn], everyone[is_extra]])
         model = self._first_model[person]
-        model += np.concatenate([drawn[is_drawn], casting[is_extra]])
+        model += np.concatenate([drawn_level[is_drawn], casting_level[is_extra]])
         is_seen = np.arange(len(person)) < is_drawn.sum()
         is_casting = casts & ~(is_seen & is_extra[person])
         order = np.argsort(model, kind="stable")

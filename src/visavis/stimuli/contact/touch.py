@@ -226,7 +226,7 @@ def find_touches(
     last: LastPoses,
     t_s: float,
     figures: Figures,
-    found: Vector,
+    touch_rows: Vector,
 ) -> int:
     """Write touches (k, 7) as the numbers of a `Touch` in their order; return how many.
 
@@ -296,11 +296,15 @@ def find_touches(
                     depth = r - np.sqrt(square)
                     if depth > deepest:
                         deepest, at = depth, c
-                        if n_touches < found.shape[0]:
-                            found[n_touches, 4:] = point
-            if at >= 0 and n_touches < found.shape[0]:
-                found[n_touches, 0], found[n_touches, 1], found[n_touches, 2] = k, i, at
-                found[n_touches, 3] = deepest
+                        if n_touches < touch_rows.shape[0]:
+                            touch_rows[n_touches, 4:] = point
+            if at >= 0 and n_touches < touch_rows.shape[0]:
+                touch_rows[n_touches, 0], touch_rows[n_touches, 1], touch_rows[n_touches, 2] = (
+                    k,
+                    i,
+                    at,
+                )
+                touch_rows[n_touches, 3] = deepest
                 n_touches += 1
     return n_touches
 
@@ -324,22 +328,24 @@ def rows_touching(
     """
     m = columns.shape[0]
     starts, ends = np.empty((m, 3)), np.empty((m, 3))
-    found = np.empty((1, 7))
+    touch_rows = np.empty((1, 7))
     touching = 0
     for i in range(positions.shape[0]):
         pose_capsules(positions[i], worlds[i], columns, start_m, end_m, 1.0, starts, ends)
-        n_touches = find_touches(starts, ends, radius_m, people, last, crowd_t_s[i], figures, found)
+        n_touches = find_touches(
+            starts, ends, radius_m, people, last, crowd_t_s[i], figures, touch_rows
+        )
         # Room for one touch is enough: only whether there is any counts.
         touching += n_touches > 0
     return touching
 
 
-def touches_of(found: Vector) -> tuple[Touch, ...]:
+def touches_of(touch_rows: Vector) -> tuple[Touch, ...]:
     """Return rows (n, 7) that `find_touches` wrote as touches."""
     return tuple(
         [
             Touch(int(part), int(person), int(person_part), depth_m, (x, y, z))
-            for part, person, person_part, depth_m, x, y, z in found.tolist()
+            for part, person, person_part, depth_m, x, y, z in touch_rows.tolist()
         ]
     )
 

@@ -225,16 +225,16 @@ def _perceive_groups(
     before_and_visible: tuple[Floats, Bytes] = _NOTHING_BEFORE,
 ) -> None:
     # The more moves, the less is still: what is drawn for one group serves those that move less.
-    drawn: list[tuple[Moving, Ground]] = []
+    grounds: list[tuple[Moving, Ground]] = []
     for moving, rows in sorted(groups, key=lambda one: -len(one[0].faces.labels)):
-        for other, under in reversed(drawn):
+        for other, under in reversed(grounds):
             if not (other.is_still & ~moving.is_still).any():
                 missing = moving.is_still & ~other.is_still
                 ground = Ground(under.ids.copy(), under.nearness.copy(), missing)
                 break
         else:
             ground = Ground(np.zeros(view.size_px, np.uint8), view.behind.copy(), moving.is_still)
-        drawn.append((moving, ground))
+        grounds.append((moving, ground))
         perceive(
             body.skin,
             moving,

@@ -308,12 +308,12 @@ def pose_first(
 
 
 @compiled
-def _chosen_faces(first: Posed, chosen: npt.NDArray[np.bool_]) -> Faces:
+def _chosen_faces(first: Posed, is_chosen: npt.NDArray[np.bool_]) -> Faces:
     """Return those of some faces (t,) that show."""
     triangles = np.empty((len(first.which), 3), np.int32)
     labels, n = np.empty(len(first.which), np.uint8), 0
     for t in first.which:
-        if chosen[t]:
+        if is_chosen[t]:
             triangles[n], labels[n] = first.faces.triangles[t], first.faces.labels[t]
             n += 1
     return Faces(triangles[:n], labels[:n])
@@ -377,10 +377,10 @@ def _where_anybody(ids: Bytes, columns: Bytes) -> tuple[int, int, int, int]:
     left, right, top, bottom = width, -1, height, -1
     columns[:] = 0
     for r in range(height):
-        shown = np.uint8(0)
+        ids_of_row = np.uint8(0)
         for c in range(width):
-            shown |= ids[r, c]
-        if shown != 0:
+            ids_of_row |= ids[r, c]
+        if ids_of_row != 0:
             top, bottom = min(top, r), r
             for c in range(width):
                 columns[c] |= ids[r, c]
