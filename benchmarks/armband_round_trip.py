@@ -217,7 +217,7 @@ class BandWithoutWire:
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._firmware = ArmbandFirmware()
-        self._said: list[Chunk] = []
+        self._answers: list[Chunk] = []
         self.took_ns = 0
 
     def connect(self, now_ns: int) -> None:
@@ -226,15 +226,15 @@ class BandWithoutWire:
     def accept(self, data: bytes, now_ns: int) -> None:
         """Answer."""
         begin_ns = self._clock.now_ns()
-        said = self._firmware.feed(data, 0)
-        if said:
-            self._said.append(Chunk(now_ns, said))
+        answer = self._firmware.feed(data, 0)
+        if answer:
+            self._answers.append(Chunk(now_ns, answer))
         self.took_ns += self._clock.now_ns() - begin_ns
 
     def outgoing(self, now_ns: int) -> list[Chunk]:
         """Return the answers since the last call."""
-        said, self._said = self._said, []
-        return said
+        answers, self._answers = self._answers, []
+        return answers
 
 
 def own_work_ms(*, waits: bool, count: int = 500) -> float:

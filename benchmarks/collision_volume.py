@@ -180,7 +180,7 @@ def cross_columns(columns: Columns) -> int:
     """Find where both surfaces cross the columns; return how many crossings that are."""
     lattice = columns.lattice
     cells = lattice.n_u * lattice.n_v
-    found = CrossingBuffers(
+    crossings = CrossingBuffers(
         np.empty(ROOM, np.int32), np.empty(ROOM), np.empty(ROOM, np.int8), np.zeros(cells, np.int32)
     )
     n = 0
@@ -193,7 +193,7 @@ def cross_columns(columns: Columns) -> int:
             columns.low_w,
             columns.high_w,
             below,
-            found,
+            crossings,
             n,
             body,
         )

@@ -20,13 +20,13 @@ from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.body import ARM_JOINTS, capsule_body
 from visavis.stimuli.contact.figures import Figures, crowd_figures
-from visavis.stimuli.contact.idle import N_JOINTS, crowd_poses, people_of, place_person
+from visavis.stimuli.contact.idle import N_JOINTS, crowd_poses, people_of
 from visavis.stimuli.contact.touch import (
     LastPoses,
     Touch,
     TouchSensor,
     no_poses,
-    pose_capsules,
+    pose_person,
     touches_of,
 )
 from visavis.stimuli.scenes.station_crowd import CHARACTERS, Crowd, poisson_disk
@@ -99,18 +99,8 @@ def pose_touched(
     root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
     position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
     for i in who:
-        person = int(people[i, 15])
-        place_person(people[i], t_s, figures, root, local, position, world)
-        pose_capsules(
-            position[0],
-            world[0],
-            figures.columns,
-            figures.start_m[person],
-            figures.end_m[person],
-            1.0,
-            last.ends_m[i, 0],
-            last.ends_m[i, 1],
-        )
+        starts, ends = last.ends_m[i, 0], last.ends_m[i, 1]
+        pose_person(people[i], t_s, figures, root, local, position, world, starts, ends)
         last.t_s[i] = t_s
     return len(who)
 
@@ -123,12 +113,12 @@ def pose_known(walk: Walk) -> tuple[float, LastPoses, list[tuple[Touch, ...]]]:
     last = no_poses(len(people))
     touches: list[tuple[Touch, ...]] = []
     pose_touched(*walk.ends_m[0], walk.radius_m, people, last, 0.0, figures, walk.who[0])
-    begun = cpu_time_s()
+    begin_s = cpu_time_s()
     for i, (starts, ends) in enumerate(walk.ends_m):
         who = walk.who[i]
         pose_touched(starts, ends, walk.radius_m, people, last, i / 90, figures, who)
         touches.append(touches_of(walk.how[i]) if len(who) else ())
-    return 1e3 * (cpu_time_s() - begun) / len(walk.ends_m), last, touches
+    return 1e3 * (cpu_time_s() - begin_s) / len(walk.ends_m), last, touches
 
 
 def time_frames(n: int, frames: int) -> dict[str, float]:
@@ -142,12 +132,12 @@ def time_frames(n: int, frames: int) -> dict[str, float]:
     # Modules that other benchmarks have imported are no rubbish to look through in one frame.
     gc.collect()
     gc.freeze()
-    begun = cpu_time_s()
+    begin_s = cpu_time_s()
     for i, (starts, ends) in enumerate(walk.ends_m):
         watch = StopWatch()
         touching += bool(sensor.touches(starts, ends, walk.radius_m, i / 90))
         watch_ms[i] = 1e3 * watch.elapsed_s()
-    cpu_ms = 1e3 * (cpu_time_s() - begun) / frames
+    cpu_ms = 1e3 * (cpu_time_s() - begin_s) / frames
     return {
         "people": len(walk.crowd),
         "cpu_ms": cpu_ms,

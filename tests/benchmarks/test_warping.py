@@ -31,7 +31,7 @@ def test_the_floor_goes_through_all_that_moves_and_fills_every_pixel_that_change
     )
     ids, n_filled = fill_all(moment, probes)
     assert expected == n_filled > 0
-    seen = perceived_parts(moment.body, moment.view, roots, turns)
-    appeared = (seen[0] == 0) & (seen != 0)
-    assert appeared.any()
-    assert (ids[appeared] == 1).all()
+    parts = perceived_parts(moment.body, moment.view, roots, turns)
+    is_new = (parts[0] == 0) & (parts != 0)
+    assert is_new.any()
+    assert (ids[is_new] == 1).all()

@@ -24,11 +24,17 @@ def sheet(*arguments: object) -> None:
     assert result.exit_code == 0, result.output
 
 
-def test_sheet_holds_two_faces_of_everybody_named(tmp_path: Path) -> None:
+@pytest.fixture
+def can_draw() -> None:
+    """Skip where nothing can be drawn."""
     try:
         Renderer().close()
     except StageError as problem:
         pytest.skip(str(problem))
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_sheet_holds_two_faces_of_everybody_named(tmp_path: Path) -> None:
     sheet(tmp_path / "two.png", "anna", "henrik", "--library", tmp_path)
     with Image.open(tmp_path / "two.png") as picture_of_all:
         assert picture_of_all.height == TITLE_PX + SHEET_TILE_PX[1]
@@ -39,11 +45,8 @@ def test_sheet_holds_two_faces_of_everybody_named(tmp_path: Path) -> None:
         assert left.tobytes() != right.tobytes()
 
 
+@pytest.mark.usefixtures("can_draw")
 def test_sheet_shows_each_expression_asked_for(tmp_path: Path) -> None:
-    try:
-        Renderer().close()
-    except StageError as problem:
-        pytest.skip(str(problem))
     sheet(tmp_path / "faces.png", "anna", "--face", "neutral, smile,frown", "--library", tmp_path)
     with Image.open(tmp_path / "faces.png") as picture_of_all:
         assert TITLE_PX + SHEET_TILE_PX[1] == picture_of_all.height
@@ -66,13 +69,10 @@ def test_faces_that_cannot_be_drawn_are_refused(
     assert not (tmp_path / "faces.png").exists()
 
 
+@pytest.mark.usefixtures("can_draw")
 def test_sheet_without_names_shows_the_shipped_cast_where_nobody_was_imported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    try:
-        Renderer().close()
-    except StageError as problem:
-        pytest.skip(str(problem))
     monkeypatch.chdir(tmp_path)
     sheet("everybody.png")
     with Image.open("everybody.png") as picture_of_all:
@@ -86,11 +86,8 @@ def test_a_library_without_anybody_is_said_not_replaced(tmp_path: Path) -> None:
         sheet(tmp_path / "none.png", "--library", tmp_path / "mistyped")
 
 
+@pytest.mark.usefixtures("can_draw")
 def test_faces_at_distances_are_shown_in_the_display_s_own_pixels(tmp_path: Path) -> None:
-    try:
-        Renderer().close()
-    except StageError as problem:
-        pytest.skip(str(problem))
     sheet(tmp_path / "far.png", "anna", "--at", "1,5", "--library", tmp_path)
     with Image.open(tmp_path / "far.png") as picture_of_all:
         assert picture_of_all.width >= 2 * TILE_PX
@@ -115,13 +112,10 @@ def test_a_title_is_wholly_on_its_sheet() -> None:
     assert (6 * 240, 2 * 240 + TITLE_PX) == wide.size
 
 
+@pytest.mark.usefixtures("can_draw")
 def test_whose_gaze_is_hardly_told_from_afar_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    try:
-        Renderer().close()
-    except StageError as problem:
-        pytest.skip(str(problem))
     monkeypatch.setattr("visavis.cli.preview.readable_gaze.POSES", 4)
     given = [
         str(tmp_path / "far.png"),

@@ -129,25 +129,25 @@ def test_who_stands_in_full_light_has_no_shade_of_their_own(renderer: Renderer) 
         open_image = plain.image(given, from_sun, SIZE_PX).astype(int)
     image = renderer.image(given, from_sun, SIZE_PX).astype(int)
     darker = (open_image - image).max(axis=2)
-    assert (image.max(axis=2) > 0).any()
     # Edges of the body; with 25 taps about the finest level it was 0.0025.
     assert (darker > 6).mean() < 0.0024
 
 
-def test_of_many_layers_only_what_is_seen_is_lit() -> None:
+@pytest.mark.parametrize("samples", [0, 4])
+def test_of_many_layers_only_what_is_seen_is_lit(samples: int) -> None:
     rows = [(0.5 * (i % 3) - 0.5, 0.0, -3.0 + 0.3 * (i // 3)) for i in range(12)]
     cast = (figures.figure(),) * 12
     given = replace(figures.picture(1), cast=cast, people=figures.standing(cast, rows))
     try:
-        engine = Renderer(quality=Quality(samples=0))
+        engine = Renderer(quality=Quality(samples=samples))
     except StageError as problem:
         pytest.skip(str(problem))
     with engine:
-        target, near = EyeTarget(engine.context, SIZE_PX, 0), figures.camera(half_deg=10)
+        target, near = EyeTarget(engine.context, SIZE_PX, samples), figures.camera(half_deg=10)
         engine.draw(given, [near], [target])
         with counted_work(engine) as work:
             engine.draw(given, [near], [target])
-    assert work.lit_px < 1.02 * SIZE_PX[0] * SIZE_PX[1]
+    assert work.lit_px < 1.02 * SIZE_PX[0] * SIZE_PX[1] * max(samples, 1)
 
 
 def test_nobody_casts_more_triangles_than_the_second_finest_level() -> None:

@@ -218,6 +218,28 @@ def _is_apart(a: Vector, b: Vector, c: Vector, d: Vector, r: float) -> bool:
 
 
 @compiled
+def pose_person(
+    who: Vector,
+    t_s: float,
+    figures: Figures,
+    root: Vector,
+    local: Vector,
+    position: Vector,
+    world: Vector,
+    starts: Vector,
+    ends: Vector,
+) -> None:
+    """Write the ends (capsules, 3) of a person's capsules at a time.
+
+    `who` is a row of `idle.people_of`; `root` to `world` are work space for one person.
+    """
+    place_person(who, t_s, figures, root, local, position, world)
+    person = int(who[15])
+    starts_m, ends_m = figures.start_m[person], figures.end_m[person]
+    pose_capsules(position[0], world[0], figures.columns, starts_m, ends_m, 1.0, starts, ends)
+
+
+@compiled
 def find_touches(
     part_starts: Vector,
     part_ends: Vector,
@@ -270,17 +292,7 @@ def find_touches(
                 break
         if not may_touch:
             continue
-        place_person(people[i], t_s, figures, root, local, position, world)
-        pose_capsules(
-            position[0],
-            world[0],
-            figures.columns,
-            figures.start_m[person],
-            figures.end_m[person],
-            1.0,
-            starts,
-            ends,
-        )
+        pose_person(people[i], t_s, figures, root, local, position, world, starts, ends)
         last.t_s[i] = t_s
         n_near = _capsules_in(low, high, 0.0, starts, ends, radius, near)
         for k in range(n_parts):

@@ -4,13 +4,13 @@ uniform int maps;
 layout(location = 0) out vec4 bounds;
 vec2 nearest_and_farthest(sampler2D depths) {
     ivec2 last = textureSize(depths, 0) - 1, first = ivec2(gl_FragCoord.xy) * SHADOW_SQUARE;
-    vec2 found = vec2(1.0, 0.0);
+    vec2 between = vec2(1.0, 0.0);
     for (int y = 0; y < SHADOW_SQUARE; ++y)
         for (int x = 0; x < SHADOW_SQUARE; ++x) {
             float depth = texelFetch(depths, min(first + ivec2(x, y), last), 0).r;
-            found = vec2(min(found.x, depth), max(found.y, depth));
+            between = vec2(min(between.x, depth), max(between.y, depth));
         }
-    return found;
+    return between;
 }
 void main() {
     bounds = vec4(nearest_and_farthest(shadow_depth_0), 1.0, 1.0);
