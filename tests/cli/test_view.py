@@ -574,8 +574,9 @@ def test_a_picture_says_from_which_recording_it_is_and_is_as_large_as_asked(
 
 def test_a_vector_picture_has_what_lies_over_the_scene_as_lines_and_letters(tab: Any) -> None:
     text, named = tab.evaluate(
-        """() => { for (const l of ['heat', 'fixations']) if (!viewer.show[l]) viewer.toggle(l);
-        viewer.setCamera('eyes'); const text = viewer.saving.svg(1);
+        """async () => { for (const l of ['heat', 'fixations'])
+            if (!viewer.show[l]) viewer.toggle(l);
+        viewer.setCamera('eyes'); const text = await viewer.saving.svg(1);
         for (const l of ['heat', 'fixations']) viewer.toggle(l); return [text,
         viewer.namedPeople]; }"""
     )

@@ -2,7 +2,6 @@
 
 import base64
 import io
-import json
 import zlib
 from collections import Counter
 from collections.abc import Iterator
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image as Files
 
-from tests.cli.viewer_tab import page_array, viewer_tab
+from tests.cli.viewer_tab import page_array, page_parts, viewer_tab
 from tests.sessions import request_in
 from visavis.analysis.gaze.aoi import LOST, NONE
 from visavis.analysis.gaze.targets import GazeTargets
@@ -30,7 +29,7 @@ from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.sessions.perform import perform_new
 from visavis.stimuli.areas import Area, KeyFrame, PlacedAreas, pack_runs
-from visavis.stimuli.dressing.flat import monitor_of, place_of
+from visavis.stimuli.dressing.flat import first_sheets, monitor_of, place_of
 from visavis.stimuli.dressing.picture_of import NOBODY, NOWHERE
 from visavis.stimuli.flat import Dots, Shape
 from visavis.stimuli.picture import Picture
@@ -102,10 +101,9 @@ def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     about = request_in(folder, study, SIDES[request.param])
     recording = CachedRecording(perform_new(about))
     header, bundle = page_content(study, recording, list(trial_lengths_ns(recording)))
-    raw = zlib.decompress(base64.b64decode(bundle.text(header)))
-    begin = 8 + int.from_bytes(raw[:8], "little")
+    parts = page_parts(bundle.text(header))
     (folder / "flat.html").write_text(page_of(header, bundle), "utf-8")
-    return Page(study, recording, json.loads(raw[8:begin]), raw[begin:], folder / "flat.html")
+    return Page(study, recording, *parts, folder / "flat.html")
 
 
 def corners_m(at: Any, turn: Any, size: Any) -> np.ndarray[Any, Any]:
@@ -127,7 +125,7 @@ def test_a_stimulus_stands_on_the_page_where_it_was_staged(page: Page, name: str
         for (pose, size_m), sheet in zip(in_scene, flat["sheets"], strict=True):
             staged = corners_m(pose.position_m, pose.orientation_wxyz, size_m)
             assert np.array_equal(staged, corners_m(sheet["at"], sheet["turn"], sheet["size"]))
-        assert flat["moves"] is (name == "dots")
+        assert ["moving" in sheet for sheet in flat["sheets"][-1:]] == [name == "dots"]
         assert ("window" in flat) is (name == "covered")
         if name == "covered":
             wanted_window = {"deg": 5, "isAround": row["seen"] == "around gaze"}
@@ -216,11 +214,11 @@ def test_an_area_that_moves_is_where_it_is_and_one_that_is_gone_nowhere() -> Non
     areas = (moving, Area("still", square))
     sheet = PlacedAreas(pose, (1.0, 1.0), (100, 100), areas, end_s=3.0)
     scene = FlatScene("flat", (), items=(Dots(seed=1), Shape("cross")))
-    bundle, nothing = Bundle(), Picture(0, NOWHERE, (), NOBODY)
+    bundle, shown = Bundle(), Picture(0, NOWHERE, (), NOBODY, sheets=first_sheets(scene)[1])
     flat = flat_content(
         Showing(scene, (sheet,)),
         [0, 500_000_000, 2_000_000_000],
-        [nothing] * 3,
+        [shown] * 3,
         Models(bundle, level=1),
         bundle,
     )
@@ -349,4 +347,4 @@ def test_the_window_is_a_circle_of_its_width_around_what_is_looked_at(tab: Any, 
     cosines = rays @ along / np.linalg.norm(rays, axis=1) / np.linalg.norm(along)
     assert np.allclose(2.5, np.degrees(np.arccos(cosines)), atol=1e-3)
     assert "window after gaze" in tab.inner_text("#legend")
-    assert "films: as at their onset" in tab.inner_text("#legend")
+    assert "moving dots and films: 20 pictures a second" in tab.inner_text("#legend")

@@ -23,14 +23,17 @@ def page_array(arrays: bytes, ref: dict[str, Any]) -> npt.NDArray[Any]:
     return flat.reshape(-1, rows).T.reshape(rows, *shape)
 
 
+def page_parts(payload: str) -> tuple[dict[str, Any], bytes]:
+    """Return header and arrays of the text of a bundle."""
+    raw = zlib.decompress(base64.b64decode(payload))
+    begin = 8 + int.from_bytes(raw[:8], "little")
+    return json.loads(raw[8:begin]), raw[begin:]
+
+
 def header_of(page: Path) -> dict[str, Any]:
     """Return what a page says of its session; arrays apart."""
     text = page.read_text(encoding="utf-8")
-    payload = text.partition('id="data">')[2].partition("<")[0]
-    raw = zlib.decompress(base64.b64decode(payload))
-    length = int.from_bytes(raw[:8], "little")
-    header: dict[str, Any] = json.loads(raw[8 : 8 + length])
-    return header
+    return page_parts(text.partition('id="data">')[2].partition("<")[0])[0]
 
 
 @contextmanager

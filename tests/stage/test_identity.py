@@ -130,7 +130,9 @@ def test_each_view_of_an_atlas_is_what_it_is_alone(buffer: IdentityBuffer) -> No
     for i, one in enumerate(alone):
         assert (one.person[0] == together.person[i]).all()
         assert (one.part[0] == together.part[i]).all()
-        assert one.luminance_01[0] == pytest.approx(together.luminance_01[i], abs=1e-5)
+        # A card computes what lies between corners from where they are in the atlas: of an eye's
+        # picture that is a few parts in 100,000, a hundredth of a step of 8 bits.
+        assert one.luminance_01[0] == pytest.approx(together.luminance_01[i], abs=0.01 / 255)
 
 
 def test_person_ids_are_exact_beyond_one_byte(buffer: IdentityBuffer) -> None:

@@ -26,6 +26,7 @@ from visavis.cli.viewer.flat import (
 )
 from visavis.cli.viewer.flat_pages import flat_page_scenes
 from visavis.cli.viewer.models import LEVEL_OF_FEW, LEVEL_OF_MANY, MAX_FEW, Models
+from visavis.cli.viewer.moving import with_small_pictures
 from visavis.cli.viewer.pages import pages_of
 from visavis.cli.viewer.scenes import SAMPLES_PER_S, Sample, Times, scene_content
 from visavis.devices.streams import NO_DEVICE_TIME
@@ -524,7 +525,7 @@ def samples_of(study: OpenedStudy, trial: RecordedTrial) -> list[Sample]:
         for t_ns in range(begin_ns, until_ns, NS_PER_S // SAMPLES_PER_S):
             moment = trial.shown_at(t_ns)
             view = next(iter(study.views_of(moment)))
-            picture, agents = picture_of(view), agents_at(view.scene, t_ns)
+            picture, agents = with_small_pictures(picture_of(view)), agents_at(view.scene, t_ns)
             samples.append(Sample(t_ns, picture, agents, picture, showing_of(view, moment)))
     return samples
 

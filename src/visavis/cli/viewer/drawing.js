@@ -35,7 +35,7 @@ void main() {
 }`];
 
 class Drawing extends Painter {
-  constructor(canvas, content) {
+  constructor(canvas, content, onChange = () => {}) {
     // Where the processor draws, smooth edges would cost it most of its time.
     const slow = isProcessor(rendererName());
     super(canvas, {antialias: !slow, programs: {person: [PERSON, '#define TEXTURED'], quick: [QUICK], eyes: [QUICK_EYES], thing: [THING],
@@ -46,14 +46,31 @@ class Drawing extends Painter {
     this.people = content.header.people.map(() => null);
     this.rooms = content.header.rooms.map(() => null);
     this.solids = {ball: this.solid(slow ? ball(6, 8) : ball(10, 14)), rod: this.solid(rod(slow ? 6 : 12)), box: this.solid(box())};
+    this.onChange = onChange;
+    this.waiting = new Set(); // for pictures that are being decoded
     this.ready = Promise.all(content.header.textures.map((t, k) => this.load(t, k)));
+  }
+
+  // What is drawn changes when a promise is kept.
+  wait(promise) {
+    const done = promise.finally(() => { this.waiting.delete(done); this.onChange(); });
+    this.waiting.add(done);
   }
 
   async load(texture, k) {
     const gl = this.gl;
     const image = await createImageBitmap(new Blob([this.content.flat(texture.file)], {type: 'image/webp'}), {premultiplyAlpha: texture.flat ? 'premultiply' : 'none'});
-    this.pictures[k] = this.picture(image, this.slow && !texture.flat ? gl.NEAREST_MIPMAP_NEAREST : undefined);
-    if (texture.flat) for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
+    if (texture.flat) this.takeFlat(image, k);
+    else this.pictures[k] = this.picture(image, this.slow ? gl.NEAREST_MIPMAP_NEAREST : undefined);
+  }
+
+  // The number of a flat picture; in the place of the one that has it.
+  takeFlat(image, number = this.pictures.push(this.white) - 1) {
+    const gl = this.gl, before = this.pictures[number];
+    this.pictures[number] = this.picture(image);
+    for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
+    if (before !== this.white) gl.deleteTexture(before);
+    return number;
   }
 
   padded(ref) { const rows = this.content.plainRows(ref, 1); rows.stride = 4; return rows; }

@@ -27,6 +27,30 @@ function caseOf({at, turn, size: [wide, high]}) {
   return {solid: 'box', model: modelMatrix(add(at, rotate(turn, [0, 0, 1]), -0.012), turn, [wide + 0.02, high + 0.02, 0.02]), paint: [0.1, 0.1, 0.11]};
 }
 
+// A picture that moves, by the file of each of its samples: one is decoded when it is asked for, and until then the one
+// before it stays.
+class MovingPicture {
+  constructor(content, {files, at, isShared}) { Object.assign(this, {content, files, isShared, at: content.flat(at)}); }
+
+  // The number of the picture of a sample among those of a drawing; at first that of the onset.
+  numberAt(k, d, first) {
+    this.wanted = this.at[Math.min(k, this.at.length - 1)];
+    if (this.wanted !== this.shown && !this.isDecoding) this.decode(d);
+    return this.number ?? first;
+  }
+
+  decode(d) {
+    const wanted = this.wanted, content = this.isShared ? d.content : this.content;
+    this.isDecoding = true;
+    d.wait(createImageBitmap(new Blob([content.flat(this.files[wanted])], {type: 'image/webp'}), {premultiplyAlpha: 'premultiply'}).then(image => {
+      this.number = d.takeFlat(image, this.number);
+      this.shown = wanted;
+      this.isDecoding = false;
+      if (this.wanted !== wanted) this.decode(d);
+    }));
+  }
+}
+
 class Flat {
   constructor(content, data) {
     Object.assign(this, {data, content});
@@ -35,7 +59,11 @@ class Flat {
     const courseOf = ref => { const flat = content.flat(ref), n = ref.s[0]; return k => Array.from({length: flat.length / n}, (_, c) => flat[c * n + Math.min(k, n - 1)]); };
     this.areas = data.areas.map(({name, corners, outlines, hasCorner}) => ({name, at: courseOf(corners), outlines, hasCorner: hasCorner && courseOf(hasCorner)}));
     this.turnAt = data.around && courseOf(data.around.turns);
+    this.moving = new Map([...data.sheets, data.around].filter(one => one?.moving).map(one => [one, new MovingPicture(content, one.moving)]));
   }
+
+  // A picture as it was at a sample.
+  at(k, d, sheet) { return {...sheet, picture: this.moving.get(sheet)?.numberAt(k, d, sheet.picture) ?? sheet.picture}; }
 
   // A rectangle straight ahead of the eye with all stimuli in it, where nobody knows the edges of the page.
   reach() {
@@ -74,13 +102,14 @@ class Flat {
   drawAround(d, view, k) {
     if (!this.turnAt) return;
     const before = {at: add(view.at, rotate(view.turn, [0, 0, -1])), turn: view.turn, size: [2.01 * view.top * view.aspect, 2.01 * view.top]};
-    d.drawSheets([{...this.monitor || before, picture: this.data.around.picture}], view.projection, {eye: this.data.eye || view.at, turn: this.turnAt(k), isBehind: !this.monitor});
+    d.drawSheets([{...this.monitor || before, picture: this.at(k, d, this.data.around).picture}], view.projection, {eye: this.data.eye || view.at, turn: this.turnAt(k), isBehind: !this.monitor});
   }
 
   draw(d, view, k) {
-    d.drawSheets(this.data.sheets.slice(0, this.monitor ? 1 : 0), view.projection);
+    const sheets = this.data.sheets.map(sheet => this.at(k, d, sheet)), behind = this.monitor ? 1 : 0;
+    d.drawSheets(sheets.slice(0, behind), view.projection);
     if (this.monitor) this.drawAround(d, view, k);
-    d.drawSheets(this.data.sheets.slice(this.monitor ? 1 : 0), view.projection);
+    d.drawSheets(sheets.slice(behind), view.projection);
   }
 
   // The rim of the window at a time: after gaze, of which a stream tells, or after the pointer; null where there was none.

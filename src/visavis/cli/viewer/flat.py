@@ -1,5 +1,5 @@
-"""Flat stimuli as a page holds them: where they stood and what they looked like at their onset,
-areas of interest on them, and the window after gaze.
+"""Flat stimuli as a page holds them: where they stood and what they looked like, areas of interest
+on them, and the window after gaze.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from visavis.cli.recorded_trial import RecordedTrial
 from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.models import SIDE_PX, Models
+from visavis.cli.viewer.moving import Box, moving_content
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate, unit
 from visavis.protocol.plan.shown_scene import RecordedScene, of_part
 from visavis.stimuli.areas import (
@@ -130,13 +131,20 @@ def flat_content(
     the monitor's lit area where nobody knows its edges.
     """
     scene, first = showing.scene, pictures[0]
-    monitor, (_, sheets) = monitor_of(scene) if has_edges else None, first_sheets(scene)
-    if monitor is not None:
-        sheets = (monitor, *filter(None, (_within(sheet, monitor) for sheet in sheets)))
+    monitor = monitor_of(scene) if has_edges else None
+    sheets = [] if monitor is None else [_sheet(monitor, models)]
+    for number, whole in enumerate(first_sheets(scene)[1]):
+        box = (0.0, 0.0, 1.0, 1.0) if monitor is None else _box_within(whole, monitor)
+        if box is None:
+            continue
+        sheet = _sheet(_cut(whole, box), models)
+        if whole.course is not None:
+            course = [picture.sheets[number].pixels for picture in pictures]
+            sheet["moving"] = moving_content(course, whole.course, models, bundle, box)
+        sheets.append(sheet)
     content: dict[str, Any] = {
-        "sheets": [_sheet(s, models) for s in sheets],
+        "sheets": sheets,
         "areas": list(_areas(showing, t_ns, bundle)),
-        "moves": scene.moves,
     }
     if scene.surface.screen is not None:
         content["eye"] = scene.surface.screen.place.position_m.tolist()
@@ -147,12 +155,18 @@ def flat_content(
     if first.surround is not None:
         turns = [p.surround.orientation_wxyz for p in pictures if p.surround is not None]
         number = models.flat(first.surround.eyes[0][..., :3], "around")
-        content["around"] = {"picture": number, "turns": _course(bundle, turns)}
+        around = {"picture": number, "turns": _course(bundle, turns)}
+        if first.surround.course is not None:
+            course = [p.surround.eyes[0] for p in pictures if p.surround is not None]
+            around["moving"] = moving_content(course, first.surround.course, models, bundle)
+        content["around"] = around
     return content
 
 
-def _within(sheet: Sheet, monitor: Sheet) -> Sheet | None:
-    """Return what of a sheet in a monitor's plane is on its lit area; None where nothing is."""
+def _box_within(sheet: Sheet, monitor: Sheet) -> Box | None:
+    """Return which part of a sheet in a monitor's plane is on its lit area, in whole pixels of it;
+    None where nothing is.
+    """
     turn = monitor.pose.orientation_wxyz
     offset_m = rotate(quat_conjugate(turn), sheet.pose.position_m - monitor.pose.position_m)
     middle_m, sides_m = offset_m[:2] * [1, -1], np.array(sheet.size_m)  # right and down
@@ -165,14 +179,22 @@ def _within(sheet: Sheet, monitor: Sheet) -> Sheet | None:
     low, high = np.maximum(low, 0), np.minimum(high, sides_px)
     if (low >= high).any():
         return None
-    if not low.any() and (high == sides_px).all():
+    (left, top), (right, bottom) = (low / sides_px).tolist(), (high / sides_px).tolist()
+    return left, top, right, bottom
+
+
+def _cut(sheet: Sheet, box: Box) -> Sheet:
+    """Return a part of a sheet; the whole one as it is."""
+    if box == (0.0, 0.0, 1.0, 1.0):
         return sheet
-    moved_m = ((low + high) / 2 / sides_px - 0.5) * sides_m * [1, -1]
+    low, high, sides_m = np.array(box[:2]), np.array(box[2:]), np.array(sheet.size_m)
+    moved_m = ((low + high) / 2 - 0.5) * sides_m * [1, -1]
+    turn = sheet.pose.orientation_wxyz
     place_m = sheet.pose.position_m + rotate(turn, np.array([*moved_m, 0.0]))
-    (left, top), (right, bottom) = low, high
-    wide_m, high_m = ((high - low) / sides_px * sides_m).tolist()
-    pixels = sheet.pixels[top:bottom, left:right]
-    return Sheet(pixels, Pose(place_m, sheet.pose.orientation_wxyz), (wide_m, high_m))
+    sides_px = np.array(sheet.pixels.shape[1::-1])
+    (left, top), (right, bottom) = (np.rint(edge * sides_px).astype(int) for edge in (low, high))
+    wide_m, high_m = ((high - low) * sides_m).tolist()
+    return Sheet(sheet.pixels[top:bottom, left:right], Pose(place_m, turn), (wide_m, high_m))
 
 
 def _sheet(sheet: Sheet, models: Models) -> dict[str, Any]:

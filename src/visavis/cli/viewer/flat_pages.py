@@ -9,6 +9,7 @@ import numpy as np
 from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.flat import Showing, flat_content, words_of_files
 from visavis.cli.viewer.models import Models
+from visavis.cli.viewer.moving import with_small_pictures
 from visavis.cli.viewer.scenes import SAMPLES_PER_S, Sample, Times, scene_content
 from visavis.lab.clock import NS_PER_S
 from visavis.recording.cached import CachedRecording
@@ -117,7 +118,7 @@ def _samples(part: SeenPart, areas: Sequence[PictureAreas]) -> list[Sample]:
     samples = []
     for t_ns in range(part.on_ns, part.off_ns, step_ns):
         frame = SceneFrame(scene, t_ns, *nobody, turned_deg=scene.turns.at(t_ns))
-        picture = picture_of(frame)
+        picture = with_small_pictures(picture_of(frame))
         samples.append(Sample(t_ns, picture, (), picture, showing))
     return samples
 

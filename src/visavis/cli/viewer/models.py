@@ -37,6 +37,7 @@ class Models:
         self.rooms: list[dict[str, Any]] = []
         self.textures: list[dict[str, Any]] = []
         self._numbers: dict[int | bytes, int] = {}
+        self._files: dict[bytes, dict[str, Any]] = {}
         self._kept_alive: list[object] = []
 
     def person(self, character: Character) -> int:
@@ -70,6 +71,12 @@ class Models:
             self.textures.append({**self._pack_texture(pixels, kind), "flat": True})
             self._numbers[content] = len(self.textures) - 1
         return self._numbers[content]
+
+    def picture_file(self, content: bytes) -> dict[str, Any]:
+        """Take in the file of a picture of a film, the same once; return where it lies."""
+        if content not in self._files:
+            self._files[content] = self._bundle.add_bytes(content)
+        return self._files[content]
 
     def _number(self, thing: object, into: list[dict[str, Any]], make: Any) -> int:
         if id(thing) not in self._numbers:
@@ -160,9 +167,9 @@ class Models:
         if max(image.size) > side:
             share = side / max(image.size)
             image = image.resize(tuple(max(1, round(s * share)) for s in image.size))  # type: ignore[arg-type]
-        content = _webp(image, quality=WEBP_QUALITY)
+        content = webp(image, quality=WEBP_QUALITY)
         if kind in ("flat", "around"):  # letters and shapes are smaller without a loss
-            content = min(_webp(image, lossless=True), content, key=len)
+            content = min(webp(image, lossless=True), content, key=len)
         holes = texture.shape[2] == 4 and bool((texture[..., 3] < 128).any())
         return {"file": self._bundle.add_bytes(content), "holes": holes}
 
@@ -184,9 +191,10 @@ class Models:
         }
 
 
-def _webp(image: Image.Image, **how: Any) -> bytes:
+def webp(image: Image.Image, method: int = 4, **how: Any) -> bytes:
+    """Return a picture as a file of the kind that pages hold."""
     content = io.BytesIO()
-    image.save(content, "WEBP", method=4, **how)
+    image.save(content, "WEBP", method=method, **how)
     return content.getvalue()
 
 

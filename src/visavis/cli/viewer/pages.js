@@ -3,11 +3,11 @@
 const MARKED_S = 0.5; // a page goes on with the answer: it is marked this much before
 
 class Pages {
-  constructor(content, redraw) {
+  constructor(content, drawing) {
     this.steps = content.header.pages;
     this.films = content.header.films.map(film => ({...film, pictures: film.frames.map(() => null)}));
     this.content = content;
-    this.redraw = redraw;
+    this.drawing = drawing;
   }
 
   at(t) { return this.steps.find(s => t >= s.t0 && t < s.t1) || null; }
@@ -17,7 +17,7 @@ class Pages {
     const k = Math.min(film.frames.length - 1, Math.floor((seconds % film.seconds) * film.rate));
     if (film.pictures[k] === null) {
       film.pictures[k] = film.pictures[Math.max(0, k - 1)] || undefined;
-      createImageBitmap(new Blob([this.content.flat(film.frames[k])], {type: 'image/webp'})).then(image => { film.pictures[k] = image; this.redraw(); });
+      this.drawing.wait(createImageBitmap(new Blob([this.content.flat(film.frames[k])], {type: 'image/webp'})).then(image => { film.pictures[k] = image; }));
     }
     return film.pictures[k];
   }

@@ -57,7 +57,7 @@ class Saving {
     this.stop = null;
     $('save-size').append(...SIZES.map(n => new Option(`${n}×`, n)));
     $('save-png').onclick = () => this.png().then(blob => this.give(blob, 'png'));
-    $('save-svg').onclick = () => this.give(new Blob([this.svg()], {type: 'image/svg+xml'}), 'svg');
+    $('save-svg').onclick = () => this.svg().then(text => this.give(new Blob([text], {type: 'image/svg+xml'}), 'svg'));
     $('save-film').onclick = () => { if (this.stop) this.stop(); else this.film().then(blob => blob && this.give(blob, 'webm')); };
     if (!window.VideoEncoder) { $('save-film').disabled = true; $('save-film').title = 'this browser makes no films; visavis film does'; }
   }
@@ -115,13 +115,15 @@ class Saving {
     g.fillText(text, strip / 2, top + strip / 2);
   }
 
-  png(times = Number($('save-size').value)) {
+  async png(times = Number($('save-size').value)) {
+    await this.viewer.drawWhole();
     const canvas = this.at(times, (picture, overlay) => this.onto(document.createElement('canvas'), picture, overlay));
     return new Promise(done => canvas.toBlob(done, 'image/png'));
   }
 
   // The scene as a picture, all that is drawn over it as lines and letters.
-  svg(times = Number($('save-size').value)) {
+  async svg(times = Number($('save-size').value)) {
+    await this.viewer.drawWhole();
     const pen = new SvgPen(0, 0);
     return this.at(times, picture => {
       const strip = Math.round(CAPTION_PX * picture.width / Math.max(1, $('stage').clientWidth));
@@ -147,6 +149,7 @@ class Saving {
     const pictures = Math.ceil(FILM_HZ * Math.min(seconds, trial.t1 - trial.t0));
     for (let k = 0; k < pictures && isOn && !problem; k++) {
       v.seek(trial.t0 + k / FILM_HZ);
+      await v.drawWhole();
       this.at(1, (picture, overlay) => this.onto(canvas, picture, overlay));
       // Codecs take even sides alone.
       const width = canvas.width & ~1, height = canvas.height & ~1;

@@ -26,8 +26,8 @@ class Viewer {
     this.picked = -1; // of several sessions the one that is looked at alone
     this.hover = null;
     const header = this.header;
-    this.drawing = new Drawing($('picture'), content);
-    this.pages = new Pages(content, () => { this.dirty = true; });
+    this.drawing = new Drawing($('picture'), content, () => { this.dirty = true; });
+    this.pages = new Pages(content, this.drawing);
     this.show = Object.fromEntries(LAYERS.map(([name, , on]) => [name, on]));
     this.outlines = [];
     this.t = [header.scenes[0], header.pages[0]].filter(Boolean).map(s => s.t0).sort((a, b) => a - b)[0] ?? header.trials[0]?.t0 ?? 0;
@@ -235,6 +235,12 @@ class Viewer {
     if (!quick || startMs - this.panelMs >= TELL_MS) { this.panelMs = startMs; this.tell(scene, light, step); }
     this.frames++;
     this.spent += performance.now() - startMs;
+  }
+
+  // Draws this moment when all pictures in it are decoded.
+  async drawWhole() {
+    this.draw();
+    while (this.drawing.waiting.size) { await Promise.all(this.drawing.waiting); this.draw(); }
   }
 
   // What was there at this moment; null where nothing was, or it is still being loaded.
@@ -786,7 +792,7 @@ class Viewer {
       ...this.streams.has('gaze_targets') || flats.some(f => f.areas.length) ? [['#d8d8d8', 'area of interest']] : [],
       ...this.header.trials.some(t => t.shown && this.session.walked(t).length) ? [[GAZE, 'walked path, on the floor: what is to come is faint']] : [],
       ...[...new Set(flats.filter(f => f.window).map(({window: w}) => w.t ? 'the pointer: it alone was sharp' : w.isAround ? 'gaze: all but it was seen' : 'gaze: it alone was seen'))].map(text => [WINDOW, `window after ${text}`]),
-      ...flats.some(f => f.moves) ? [['#8a8f98', 'moving dots and films: as at their onset; areas of films move']] : [],
+      ...flats.some(f => [...f.sheets, f.around].some(one => one?.moving)) ? [['#8a8f98', `moving dots and films: ${this.header.scenes[0].rate} pictures a second`]] : [],
       ...this.header.lanes.some(l => l.kind === 'contact') ? [[LANE_COLOURS.contact, 'contact']] : [], ...this.header.lanes.some(l => l.kind !== 'contact') ? [[LANE_COLOURS.vibration, 'vibration']] : [],
       [STATUS.complete, 'trial: complete'], [STATUS.damaged, 'trial: damaged'], [STATUS.interrupted, 'trial: interrupted, aborted or repeated'], [PRACTICE, 'trial: practice']];
     const seen = new Set(this.header.trials.map(t => t.practice ? 'practice' : t.status));
