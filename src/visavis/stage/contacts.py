@@ -14,8 +14,8 @@ class Contacts:
     """Darkens floors below soles and furniture: sharply where it stands, softly below what hangs.
 
     Without maps of shadows what lamps above would throw of people is darkened, too. Floors are
-    taken to be level below each person, and as high as the lower of the two soles. `apart` draws
-    soles and furniture by a call each: processors compute both sides of a shader's branch.
+    taken to be level below each person, and as high as the lower of the two soles. `is_separate`
+    draws soles and furniture by a call each: processors compute both sides of a shader's branch.
     """
 
     def __init__(
@@ -32,13 +32,18 @@ class Contacts:
         self._room: Room | None = None
         self._blocks: moderngl.Texture | None = None
 
-    def draw(self, crowd: Crowd, room: Room) -> None:
+    def draw(self, crowd: Crowd, room: Room, *, with_furniture: bool = True) -> None:
         """Darken what the camera sent sees below everyone's soles and the room's furniture."""
-        blocks = self._use_blocks(room)
-        soles = 2 * len(crowd.cast)
+        self._draw(2 * len(crowd.cast), self._use_blocks(room) if with_furniture else 0, crowd)
+
+    def draw_furniture(self, room: Room) -> None:
+        """Darken what the camera sent sees below the room's furniture."""
+        self._draw(0, self._use_blocks(room), None)
+
+    def _draw(self, soles: int, blocks: int, crowd: Crowd | None) -> None:
         if soles + blocks == 0:
             return
-        first_texel = crowd.use_soles() if soles else 0
+        first_texel = crowd.use_soles() if crowd is not None and soles else 0
         context = self._context
         context.disable(moderngl.CULL_FACE)
         context.enable(moderngl.BLEND)
@@ -46,15 +51,15 @@ class Contacts:
         context.blend_func = moderngl.DST_COLOR, moderngl.ZERO
         context.fbo.depth_mask = False
         if self._is_separate:
-            self._draw(soles, 0, first_texel)
-            self._draw(0, blocks, first_texel)
+            self._render(soles, 0, first_texel)
+            self._render(0, blocks, first_texel)
         else:
-            self._draw(soles, blocks, first_texel)
+            self._render(soles, blocks, first_texel)
         context.fbo.depth_mask = True
         context.disable(moderngl.BLEND)
         context.enable(moderngl.CULL_FACE)
 
-    def _draw(self, soles: int, blocks: int, first_texel: int) -> None:
+    def _render(self, soles: int, blocks: int, first_texel: int) -> None:
         """Draw `count` soles or pieces of furniture by one call."""
         which = (*(("SOLES",) if soles else ()), *(("BLOCKS",) if blocks else ()))
         if not which:

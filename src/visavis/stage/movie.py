@@ -27,7 +27,7 @@ COLOURS: Final = (
 ).split()
 """sRGB, told to the player; the halved colour resolution is all that every player can show."""
 CODECS: Final = {
-    ".mp4": ("-c:v", "libx264", "-crf", "18", "-movflags", "+faststart"),
+    ".mp4": ("-c:v", "libx264", "-preset", "veryfast", "-crf", "17", "-movflags", "+faststart"),
     ".webm": ("-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0", "-row-mt", "1", "-cpu-used", "3"),
 }
 

@@ -269,7 +269,7 @@ class Renderer(Closing):
                 self.paint(picture, crowd, identity=False, with_room=backdrop is None)
                 ctx.disable_direct(GL_SAMPLE_ALPHA_TO_COVERAGE)
                 if self.quality.shadows != "none":
-                    self._contacts.draw(crowd, picture.room)
+                    self._contacts.draw(crowd, picture.room, with_furniture=backdrop is None)
             self._overlays.draw(picture, camera, target, eye)
             target.finish()
         self.last_choice = choice
@@ -479,15 +479,21 @@ class Renderer(Closing):
         backdrop.looks += 1
         if backdrop.looks == 1:
             self._begin(picture, target)
-            self._paint_room(picture.room, identity=False)
+            self._paint_backdrop(picture.room)
             return
         if backdrop.target is None:
             backdrop.target = EyeTarget(self.context, target.size_px, self.quality.samples)
         if backdrop.looks == 2:
             self._begin(picture, backdrop.target)
-            self._paint_room(picture.room, identity=False)
+            self._paint_backdrop(picture.room)
         target.begin_over(backdrop.target)
         self._encode()
+
+    def _paint_backdrop(self, room: Room) -> None:
+        """Draw a room and the shades of its furniture, which stay as they are while it is seen."""
+        self._paint_room(room, identity=False)
+        if self.quality.shadows != "none":
+            self._contacts.draw_furniture(room)
 
     def _lit_box(self, picture: Picture, crowd: Crowd) -> tuple[Vector, Vector]:
         """Return the box around everyone, within the room; shadows are finest where people are.
