@@ -655,11 +655,13 @@ class StudyPerson(Observer):
 
     def _impressions(self) -> Seen:
         elapsed_ns = max(self._last_ns - self._first_ns, 1)
+        agents = () if self._last is None else self._last.scene.agents
+        has_gaze = np.array([agent.has_gaze for agent in agents], np.bool_)
         return Seen(
             self._first,
             self._last,
             elapsed_ns / NS_PER_S,
-            self._contact_ns / elapsed_ns,
+            np.where(has_gaze, self._contact_ns / elapsed_ns, np.nan),
             self.notices_contact,
             self._leaning,
             tuple(self._vibrating_roles),

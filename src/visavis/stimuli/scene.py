@@ -22,7 +22,7 @@ class Agent:
     `character` names the model that plays the part, `place` where it sits ("left_close"),
     `head_centre_m` (3,) and `head_radius_m` its head as a sphere, `facing` (3,) the unit
     direction of the head's front, all in world; `eye_centre_m` (3,) the midpoint between its
-    eyes, from which gaze directions start.
+    eyes, from which gaze directions start. Without gaze its eyes cannot turn.
     """
 
     agent_id: str
@@ -32,6 +32,7 @@ class Agent:
     head_radius_m: float
     facing: Vector
     eye_centre_m: Vector
+    has_gaze: bool = True
 
 
 @dataclass(frozen=True)
@@ -73,13 +74,13 @@ class Scene:
 class SceneFrame:
     """The scene in front of the participant in one frame.
 
-    For n agents in the order of `scene.agents`: `gaze_direction` (n, 3) unit vectors in world,
+    For n agents in the order of `scene.agents`: `gaze_direction` (n, 3) unit vectors in world;
     `eye_openness_01` (n,) 0 closed; `gaze_distance_m` (n,) from between the eyes to where both
-    lines of gaze meet, NaN where they are parallel, None where nobody says. `people` is everybody's
-    pose when the study computes it itself. `scene` is the same object while nothing static changes,
-    so identity tells whether anything must be rebuilt. `turned_deg` is how far the view onto a
-    panorama was turned, to the right and upwards; `window_at` where a window is that follows gaze,
-    None without one.
+    lines of gaze meet, NaN where they are parallel, None where nobody says; all three are NaN for
+    agents without gaze. `people` is everybody's pose when the study computes it itself. `scene` is
+    the same object while nothing static changes, so identity tells whether anything must be
+    rebuilt. `turned_deg` is how far the view onto a panorama was turned, to the right and upwards;
+    `window_at` where a window is that follows gaze, None without one.
     """
 
     scene: Scene

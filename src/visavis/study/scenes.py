@@ -60,6 +60,7 @@ from visavis.stimuli.scenes.flat import DRESSED_BY, FlatScene
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing
 from visavis.stimuli.view_turns import ViewTurns
 from visavis.study.arguments import argument_names, unknown_argument
+from visavis.study.eyes import EYES, NO_GAZE, check_eyes, past_m
 from visavis.study.gaze_window import WindowCourse
 
 FOLLOW_STEP_M: Final = 0.005
@@ -80,11 +81,9 @@ FACE_OPTIONS: Final = ("face", "face_01", "face_from_s")
 AROUND: Final = ("room", *FACE_OPTIONS)
 BESIDE_M: Final = 0.75
 """Distance from the middle of a pair to the middle of each of its scenes."""
-AVERTED_DEG: Final = 25.0
 STOP_M: Final = 0.5
 """Where somebody who walks towards the participant stops, if the study does not say."""
 MIN_WAY_M: Final = 0.5
-EYES: Final = ("directed", "averted")
 AUDIENCE: Final = (
     *(f"female_{i:02d}" for i in range(1, 7)),
     *(f"male_{i:02d}" for i in range(1, 6)),
@@ -328,14 +327,14 @@ def two_people(
     """Return two people who sit beside each other and face the participant.
 
     The `active` one ("left" or "right") looks at the participant ("directed") or past them
-    ("averted"); the other always looks past.
+    ("averted"); the other always looks past. Of one without gaze `eyes` says "none".
 
     Raises:
         DesignError: an option is none of these.
     """
     sides = ("left", "right")
     _one_of("two_people", "active", active, sides)
-    _one_of("two_people", "eyes", eyes, EYES)
+    _one_of("two_people", "eyes", eyes, (*EYES, NO_GAZE))
     people = []
     for side, character, sign in zip(sides, (left, right), (-1.0, 1.0), strict=True):
         bearing = np.radians(sign * apart_deg / 2)
@@ -359,7 +358,9 @@ def person(
 ) -> StagedScene:
     """Return one person who does something: a motion by name with its settings, or a clip's path.
 
-    `bearing_deg` is to the participant's right; with `turn_deg` 0 the person faces them. A walk
+    `bearing_deg` is to the participant's right; with `turn_deg` 0 the person faces them. `eyes`
+    look at the participant ("directed") or past them ("averted"); a figure without gaze has "none".
+    A walk
     begins `distance_m` from the participant; towards them it ends `stop_m` before the point where
     they are at first (left out: 0.5), any other way it has no end.
 
@@ -367,7 +368,7 @@ def person(
         DesignError: an option is none of these, or there is no way to walk.
         MotionError: the clip cannot be read, or a setting is out of range.
     """
-    _one_of("person", "eyes", eyes, EYES)
+    _one_of("person", "eyes", eyes, (*EYES, NO_GAZE))
     bearing = np.radians(bearing_deg)
     x, z = distance_m * float(np.sin(bearing)), -distance_m * float(np.cos(bearing))
     if motion == "walk" and (turn_deg == 0.0 or stop_m is not None):
@@ -718,21 +719,26 @@ def scene_of_people(
     *,
     room_by: str = "",
 ) -> WithEyes:
-    """Return people in a room; `eyes` is the gaze of the person at the place `active`.
+    """Return people in a room; `eyes` is the gaze of the person at the place `active`, "none" where
+    a figure without gaze plays them. Others without gaze stand by.
 
     `room_by` names what makes the room ("module:function"); a plain one is made without.
+
+    Raises:
+        DesignError: the person's eyes cannot turn, or could.
     """
     agents = agents_of(people)
+    who = [p.place for p in people].index(active)
+    check_eyes(name, agents[who], eyes)
     scene = GatheringScene(
         name=name, agents=agents, people=people, start_ns=staging.start_ns, room_by=room_by
     )
     if not staging.heads_move:
         scene = replace(scene, moved_by="")
-    past = np.array([_past(a.eye_centre_m, a.facing) for a in agents])
+    past = np.array([past_m(a.eye_centre_m, a.facing) for a in agents])
     blinks = draw_blinks(staging.rng, len(agents), staging.duration_s + BEYOND_S)
     behaviour = EyeBehaviour.of_scene(scene, target_m=np.zeros(3), blinks=blinks)
     behaviour.targets_m[:] = past
-    who = [p.place for p in people].index(active)
     behaviour = behaviour.staring(who) if eyes == "directed" else behaviour
     return WithEyes(scene, {"active": who, **places(scene)}, behaviour)
 
@@ -745,7 +751,9 @@ def _beside(staging: Staging, sides: Mapping[str, StagedScene]) -> StagedScene:
         if len(alone) != 1:
             raise DesignError(f"a pair shows one person on each side; {side} has {len(alone)}")
         people.append(replace(alone[0], place=side, x_m=alone[0].x_m + sign * BESIDE_M))
-    pair = scene_of_people(staging, PAIR, tuple(people), people[0].place, "averted")
+    first = next(iter(sides.values())).scene.agents[0]
+    eyes = "averted" if first.has_gaze else NO_GAZE
+    pair = scene_of_people(staging, PAIR, tuple(people), people[0].place, eyes)
     rooms = {gathering.scene.room for gathering in sides.values()}
     if len(rooms) > 1:
         raise DesignError("a pair stands in one room; give both sides the same room, or neither")
@@ -757,16 +765,6 @@ def _beside(staging: Staging, sides: Mapping[str, StagedScene]) -> StagedScene:
 def places(scene: StageScene) -> dict[str, int]:
     """Return each person's index by place."""
     return {agent.place: i for i, agent in enumerate(scene.agents)}
-
-
-def _past(eye_m: Vector, facing: Vector) -> Vector:
-    """Return a point beside the participant, `AVERTED_DEG` outwards from where a head faces."""
-    outside = 1.0 if eye_m[0] >= 0 else -1.0
-    angle = np.radians(outside * AVERTED_DEG)
-    c, s = np.cos(angle), np.sin(angle)
-    x, z = facing[0] * c + facing[2] * s, -facing[0] * s + facing[2] * c
-    point_m: Vector = eye_m + 3.0 * np.array([x, facing[1] - 0.08, z])
-    return point_m
 
 
 def _does(motion: str, how: Mapping[str, Any], folder: Path, character: str) -> Kind:

@@ -38,8 +38,8 @@ class Seen:
 
     `first` and `last` are the first and the last lit frame (None: none was), `seconds` the time
     between them; for the n agents of the last scene `looked_at_me_01` (n,) is the share of that
-    time in which their gaze met the person's eyes. `effect` is False for somebody to whom what
-    the stimuli make no difference: answers should then not depend on them.
+    time in which their gaze met the person's eyes, NaN of one without gaze. `effect` is False for
+    somebody to whom what the stimuli make no difference: answers should then not depend on them.
     """
 
     first: SceneFrame | None

@@ -70,6 +70,7 @@ def _row(character: Character, origin: str) -> dict[str, object]:
     return {
         "name": character.name,
         "gender": character.gender,
+        "has_gaze": character.has_gaze,
         "stature_m": character.stature_m,
         "age_years": character.age_years,
         "triangles": [len(mesh.triangles) for mesh in character.levels],
@@ -94,15 +95,16 @@ def list_characters(
     if as_json:
         say_json(rows)
         return
-    table = Table("name", "gender", "height", "age", "triangles", "origin")
+    table = Table("name", "gender", "height", "age", "gaze", "triangles", "origin")
     for row in rows:
         age = "" if row["age_years"] is None else f"{row['age_years']:.0f}"
         levels = " / ".join(str(n) for n in cast("list[int]", row["triangles"]))
         table.add_row(
             str(row["name"]),
-            str(row["gender"]),
+            str(row["gender"] or ""),
             f"{row['stature_m']:.2f} m",
             age,
+            "" if row["has_gaze"] else "none",
             levels,
             str(row["origin"]),
         )
@@ -182,7 +184,10 @@ def _tell_gaze(
     people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
 ) -> None:
     """Print for each person how often direct gaze is told apart from gaze 10° aside."""
-    for person, distance_m, right_01 in readable_at(people, distances_m, px_per_deg):
+    for name in [person.name for person in people if not person.has_gaze]:
+        say(f"{verbatim(name)}: has no gaze that could be recognised")
+    with_gaze = [person for person in people if person.has_gaze]
+    for person, distance_m, right_01 in readable_at(with_gaze, distances_m, px_per_deg):
         line = f"{person.name}: gaze recognised at {distance_m:g} m in {right_01:.0%} of looks"
         if right_01 < LIMIT_01:
             line += f"  [yellow]below {LIMIT_01:.0%}: let them look from nearer[/]"
@@ -198,6 +203,13 @@ def import_command(
         str | None, typer.Option(help="female or male, where names of files do not say it.")
     ] = None,
     joint_map: JointMapOption = None,
+    without_gaze: Annotated[
+        bool,
+        typer.Option(
+            "--without-gaze",
+            help="For figures whose eyes cannot turn: bystanders, whom no scene can ask to look.",
+        ),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Import glTF characters into the lab's library; one line a file. FBX files need Blender.
@@ -209,7 +221,7 @@ def import_command(
     folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
     checked_gender = cast("Literal['female', 'male'] | None", gender)
     joints = None if joint_map is None else read_joint_map(joint_map)
-    _import(source, folder, checked_gender, joints, as_json=as_json)
+    _import(source, folder, checked_gender, joints, gaze=not without_gaze, as_json=as_json)
 
 
 @characters.command("fetch")
@@ -263,11 +275,12 @@ def _import(
     gender: Gender | None,
     joint_map: dict[str, str] | None,
     *,
+    gaze: bool = True,
     as_json: bool,
 ) -> None:
     rows: list[dict[str, object]] = []
     failure_count = 0
-    for result in import_characters(source, folder, gender=gender, joint_map=joint_map):
+    for result in import_characters(source, folder, gender=gender, joint_map=joint_map, gaze=gaze):
         if result.character is None:
             failure_count += 1
             rows.append({"file": str(result.source), "problem": result.problem})
@@ -278,8 +291,9 @@ def _import(
             rows.append({"file": str(result.source), **row, "findings": list(odd)})
             line = (
                 f"[green]imported[/]  {verbatim(result.character.name)}: "
-                f"{result.character.gender}, {result.character.stature_m:.2f} m"
+                f"{result.character.gender or 'a figure'}, {result.character.stature_m:.2f} m"
             )
+            line += "" if result.character.has_gaze else ", without gaze"
             line += "".join(f"\n  [yellow]look:[/] {verbatim(text)}" for text in odd)
         if not as_json:
             say(line)
@@ -287,7 +301,8 @@ def _import(
         say_json(rows)
     elif failure_count < len(rows):
         say(
-            f"They are in {verbatim(folder)}; name them in a scene as above. Look at them first: "
+            f"They are in {verbatim(folder)}; they play once `cast` in lab_config.yaml names them. "
+            "Look at them first: "
             "visavis character sheet imported.png --at 1,2,3.5,5,8 --gaze"
         )
     if failure_count:

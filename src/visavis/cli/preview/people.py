@@ -42,6 +42,7 @@ def people_sheet(
     with Stills() as stills:
         for character in people:
             name = f"{character.name}, {character.stature_m:.2f} m"
+            name += "" if character.has_gaze else ", without gaze"
             for yaw_deg, face, label in views or [(a, NEUTRAL, name) for a in (0.0, TURNED_DEG)]:
                 picture, eyes_m = portrait(character, yaw_deg, face)
                 camera = face_camera(eyes_m, yaw_deg, size_px[0] / size_px[1])

@@ -166,9 +166,9 @@ def _place_irises(
     is_eye: npt.NDArray[np.bool_],
 ) -> None:
     """Give eyeballs their place in the eye's own axes, in radii, instead of a texture."""
-    if not is_eye.any():
-        return
     skeleton, ball = character.skeleton, character.eyeball
+    if ball is None or not is_eye.any():
+        return
     centres = skeleton.rest_m[[skeleton.index("left_eye"), skeleton.index("right_eye")]]
     local = (out["rest_m"][is_eye] - centres[side[is_eye]]) / ball.radius_m
     out["detail"][is_eye] = local

@@ -115,11 +115,12 @@ class Character:
     `levels` go from the most detailed to the lightest; `measuring` are copies, in the same order,
     that body parts are measured on and nobody sees. `stature_m` is crown to sole with shoes as
     worn. `source` and `licence` say where the figure comes from. `closed` is the bare body as one
-    closed surface, for measuring volumes; None where it has to be built.
+    closed surface, for measuring volumes; None where it has to be built. A figure without gaze has
+    no `eyeball`, and may be neither a woman nor a man.
     """
 
     name: str
-    gender: Literal["female", "male"]
+    gender: Literal["female", "male"] | None
     stature_m: float
     age_years: float | None
     skeleton: Skeleton
@@ -127,7 +128,12 @@ class Character:
     measuring: tuple[SkinnedMesh, ...]
     materials: tuple[Material, ...]
     capsules: tuple[BodyCapsule, ...]
-    eyeball: Eyeball
+    eyeball: Eyeball | None
     source: str
     licence: str
     closed: SkinnedMesh | None = None
+
+    @property
+    def has_gaze(self) -> bool:
+        """Whether its eyes turn; one without gaze looks nowhere that could be told."""
+        return self.eyeball is not None

@@ -45,8 +45,9 @@ def _findings(character: Character) -> Iterator[str]:
     if not low <= character.stature_m <= high:
         yield f"is {character.stature_m:.2f} m tall: is the file in metres or centimetres?"
     yield from _limbs(character)
-    yield from _eyes(character)
-    yield from _lids(character)
+    if character.eyeball is not None:
+        yield from _eyes(character, character.eyeball.radius_m)
+        yield from _lids(character)
     yield from _fingers(character)
     yield from _body(character)
 
@@ -65,13 +66,12 @@ def _limbs(character: Character) -> Iterator[str]:
             )
 
 
-def _eyes(character: Character) -> Iterator[str]:
+def _eyes(character: Character, radius_m: float) -> Iterator[str]:
     at = _eyes_at(character)
     apart_m = float(np.linalg.norm(at["left"] - at["right"]))
     low, high = EYES_APART_M
     if not low <= apart_m <= high:
         yield f"its eyes are {1000 * apart_m:.0f} mm apart; people's are 55 to 75"
-    radius_m = character.eyeball.radius_m
     low, high = EYEBALL_M
     if not low <= radius_m <= high:
         yield f"its eyeballs have a radius of {1000 * radius_m:.0f} mm; people's have 12"
@@ -112,10 +112,11 @@ def _body(character: Character) -> Iterator[str]:
     if not low <= litres <= high:
         yield f"its body holds {litres:.0f} litres; people's hold 45 to 150"
     parts_present = set(np.unique(character.levels[0].triangle_part).tolist())
+    worn = WORN if character.has_gaze else (*WORN, "left_eye", "right_eye")
     missing = [
         part.replace("_", " ")
         for part in PARTS
-        if part not in WORN and PART_INDEX[part] not in parts_present
+        if part not in worn and PART_INDEX[part] not in parts_present
     ]
     if missing:
         yield f"it has no {', '.join(missing)} that could be looked at or measured"

@@ -78,11 +78,13 @@ def import_characters(
     *,
     gender: Gender | None = None,
     joint_map: Mapping[str, str] | None = None,
+    gaze: bool = True,
 ) -> Iterator[Imported]:
     """Import a .glb, .vrm or .fbx file, or every one in a folder, into the library, one by one.
 
-    FBX files are converted by Blender (`visavis.stimuli.characters.fbx`). A file that cannot be
-    used is reported and does not stop the others.
+    FBX files are converted by Blender (`visavis.stimuli.characters.fbx`). Without `gaze` figures
+    need no eyes, and look nowhere. A file that cannot be used is reported and does not stop the
+    others.
 
     Raises:
         CharacterError: there is nothing to import.
@@ -96,7 +98,7 @@ def import_characters(
         )
     for file in files:
         try:
-            character, odd = _import_file(file, gender, joint_map)
+            character, odd = _import_file(file, gender, joint_map, gaze=gaze)
         except CharacterError as error:
             yield Imported(file, None, None, str(error))
             continue
@@ -107,13 +109,13 @@ def import_characters(
 
 
 def _import_file(
-    file: Path, gender: Gender | None, joint_map: Mapping[str, str] | None
+    file: Path, gender: Gender | None, joint_map: Mapping[str, str] | None, *, gaze: bool
 ) -> tuple[Character, tuple[str, ...]]:
     if file.suffix.lower() != ".fbx":
-        return import_gltf(file, gender=gender, joint_map=joint_map), ()
+        return import_gltf(file, gender=gender, joint_map=joint_map, gaze=gaze), ()
     with as_glb(file) as (glb_path, missing_pictures):
         try:
-            character = import_gltf(glb_path, gender=gender, joint_map=joint_map)
+            character = import_gltf(glb_path, gender=gender, joint_map=joint_map, gaze=gaze)
         except CharacterError as e:
             raise CharacterError(str(e).replace(str(glb_path), str(file))) from e
     odd: tuple[str, ...] = ()

@@ -40,7 +40,8 @@ def scale_to_stature(character: Character, stature_m: float) -> Character:
             replace(c, start_m=k * c.start_m, end_m=k * c.end_m, radius_m=k * c.radius_m)
             for c in character.capsules
         ),
-        eyeball=replace(
+        eyeball=eye
+        and replace(
             eye,
             radius_m=k * eye.radius_m,
             iris_radius_m=k * eye.iris_radius_m,

@@ -4,7 +4,7 @@ import io
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -143,12 +143,7 @@ def write_character(character: Character, path: Path) -> None:
             for m in character.materials
         ],
         "capsules": [[c.part, c.joint, c.radius_m] for c in character.capsules],
-        "eyeball": {
-            "radius_m": character.eyeball.radius_m,
-            "iris_radius_m": character.eyeball.iris_radius_m,
-            "pupil_radius_m": character.eyeball.pupil_radius_m,
-            "iris_srgb": list(character.eyeball.iris_srgb),
-        },
+        "eyeball": None if character.eyeball is None else asdict(character.eyeball),
         "source": character.source,
         "licence": character.licence,
     }
@@ -226,8 +221,7 @@ def _character(arrays: Mapping[str, npt.NDArray[Any]], head: dict[str, Any]) -> 
         maps = Maps(**material_pictures) if material_pictures else None
         materials.append(Material(texture_srgb=colour, maps=maps, **entry))
     ends = arrays["capsule_ends"].astype(np.float64)
-    eyeball = dict(head["eyeball"])
-    eyeball["iris_srgb"] = tuple(eyeball["iris_srgb"])
+    ball = head["eyeball"]
     return Character(
         name=head["name"],
         gender=head["gender"],
@@ -241,7 +235,9 @@ def _character(arrays: Mapping[str, npt.NDArray[Any]], head: dict[str, Any]) -> 
             BodyCapsule(part, joint, start, end, radius)
             for (part, joint, radius), (start, end) in zip(head["capsules"], ends, strict=True)
         ),
-        eyeball=Eyeball(**eyeball),
+        eyeball=None
+        if ball is None
+        else Eyeball(**{**ball, "iris_srgb": tuple(ball["iris_srgb"])}),
         source=head["source"],
         licence=head["licence"],
         closed=_unpack_mesh(arrays, "closed") if "closed_vertices" in arrays else None,

@@ -102,7 +102,7 @@ def default_casting(part: str) -> Character:
     cast.
 
     Where a lab has a cast of its own, its n-th woman plays the n-th of those who come along, unless
-    that one is in the cast herself.
+    that one is in the cast herself. Figures without gaze play under their names alone.
 
     Numbers beyond the cast start again in other clothes: "male_07" is the first man so dressed.
 
@@ -116,15 +116,20 @@ def default_casting(part: str) -> Character:
         part = _number_name(part)
     gender, _, number = part.partition("_")
     if gender not in ("female", "male") or not number.isdigit() or int(number) < 1:
+        for member in _in_force.members:
+            if member.name == part:
+                return _person(member)
         raise DesignError(
-            f"nobody plays {part!r}; use a name of the cast ({', '.join(cast_names())}) or "
-            "female_01, male_01 and so on"
+            f"nobody plays {part!r}; use a name of the cast ({', '.join(_names())}) or female_01, "
+            "male_01 and so on; people you imported are of it once `cast` in lab_config.yaml names "
+            "them"
         )
-    candidates = [c for c in _people() if c.gender == gender]
+    candidates = [c for c in _people() if c.gender == gender and c.has_gaze]
     if not candidates:
-        raise DesignError(
-            f"the cast in lab_config.yaml has no {gender} person to play {part}; add one"
-        )
+        error = f"the cast in lab_config.yaml has no {gender} person to play {part}; add one"
+        if bystanders := ", ".join(c.name for c in _people() if not c.has_gaze):
+            error += f" with gaze: without it ({bystanders}) figures play where a scene names them"
+        raise DesignError(error)
     outfit, who = divmod(int(number) - 1, len(candidates))
     return in_other_clothes(candidates[who], outfit)
 
@@ -134,6 +139,10 @@ def _number_name(name: str) -> str:
     gender = load_character(name).gender
     same_gender = [c.name for c in load_cast() if c.gender == gender]
     return f"{gender}_{same_gender.index(name) + 1:02d}"
+
+
+def _names() -> tuple[str, ...]:
+    return tuple(dict.fromkeys((*(m.name for m in _in_force.members), *cast_names())))
 
 
 def _people() -> tuple[Character, ...]:

@@ -75,6 +75,7 @@ def agents_of(
                 HEAD_RADIUS_M,
                 facing,
                 eyes,
+                character.has_gaze,
             )
         )
     return tuple(agents)

@@ -6,7 +6,8 @@ of Carpenter, Movements of the Eyes, 1988) and follows a minimum-jerk course, wh
 is 1.875 times the mean.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final, NamedTuple, Self
 
@@ -14,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.compiled import compiled
+from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.stimuli.gaze.blinks import CLOSED_01, CLOSING_01, Blinks
 from visavis.stimuli.motion.rhythm_kernels import ease
@@ -53,7 +55,12 @@ def _toward(
     limit_rad: float,
     out: npt.NDArray[np.float64],
 ) -> None:
-    """Write the unit direction from an eye to a target, held within a cone around `facing`."""
+    """Write the unit direction from an eye to a target, held within a cone around `facing`; NaN
+    where that is.
+    """
+    if np.isnan(facing[0]):
+        out[0] = out[1] = out[2] = np.nan
+        return
     x, y, z = target[0] - eye[0], target[1] - eye[1], target[2] - eye[2]
     length = np.sqrt(x * x + y * y + z * z)
     if not length > 0.0:
@@ -87,7 +94,8 @@ def _eyes_at(
     m = eyes.centre_m.shape[0]
     gaze = state[: 3 * m].reshape((m, 3))
     openness = state[3 * m :]
-    openness[:] = 1.0
+    for j in range(m):
+        openness[j] = np.nan if np.isnan(eyes.facing[j, 0]) else 1.0
     old = np.empty(3)
     new = np.empty(3)
     limit_rad = np.radians(MAXIMUM_TURN_DEG)
@@ -125,7 +133,7 @@ def _eyes_at(
     for i in range(eyes.blink_agent.shape[0]):
         if eyes.blink_start_ns[i] > t_ns:
             break
-        if t_ns < eyes.blink_end_ns[i]:
+        if t_ns < eyes.blink_end_ns[i] and not np.isnan(eyes.facing[eyes.blink_agent[i], 0]):
             moving = True
             tau = (t_ns - eyes.blink_start_ns[i]) / (eyes.blink_end_ns[i] - eyes.blink_start_ns[i])
             if tau < CLOSING_01:
@@ -152,7 +160,8 @@ def _distances(
         point = me if eyes.follows[now, j] else eyes.targets_m[now, j]
         eye = eyes.centre_m[j]
         x, y, z = point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]
-        distance_m[j] = np.sqrt(x * x + y * y + z * z)
+        has_gaze = not np.isnan(eyes.facing[j, 0])
+        distance_m[j] = np.sqrt(x * x + y * y + z * z) if has_gaze else np.nan
 
 
 class Course(NamedTuple):
@@ -204,7 +213,8 @@ def _follow(
 class EyeBehaviour:
     """The behaviour of the eyes of m agents; every result is a function of time alone.
 
-    `eye_centre_m` and `facing` (m, 3) as in the scene; `targets_m` (2, m, 3) the points looked at
+    `eye_centre_m` and `facing` (m, 3) as in the scene, `facing` NaN for agents without gaze, whose
+    directions, distances and lids are NaN, too; `targets_m` (2, m, 3) the points looked at
     before and after each agent's turn; `follows_observer` (2, m) replaces a point by the
     observer's eyes wherever these are; `turn_ns` (m,) when the saccade from one to the other
     begins, `NEVER_NS` for none.
@@ -219,6 +229,8 @@ class EyeBehaviour:
     follows_observer: npt.NDArray[np.bool_]
     turn_ns: npt.NDArray[np.int64]
     blinks: Blinks
+    without_gaze: Mapping[int, str] = field(default_factory=dict)
+    """Who plays the agents that have no gaze."""
 
     @cached_property
     def _arrays(self) -> _Eyes:
@@ -238,17 +250,24 @@ class EyeBehaviour:
     def of_scene(cls, scene: Scene, *, target_m: Vector, blinks: Blinks) -> Self:
         """Let every agent of a scene look at one point."""
         m = len(scene.agents)
+        facing = [a.facing if a.has_gaze else np.full(3, np.nan) for a in scene.agents]
         return cls(
             np.array([a.eye_centre_m for a in scene.agents], np.float64).reshape(m, 3),
-            np.array([a.facing for a in scene.agents], np.float64).reshape(m, 3),
+            np.array(facing, np.float64).reshape(m, 3),
             np.tile(np.asarray(target_m, np.float64), (2, m, 1)),
             np.zeros((2, m), np.bool_),
             np.full(m, NEVER_NS, np.int64),
             blinks,
+            {i: a.character for i, a in enumerate(scene.agents) if not a.has_gaze},
         )
 
     def staring(self, agent: int) -> Self:
-        """Return the behaviour in which this agent looks at the observer all the time."""
+        """Return the behaviour in which this agent looks at the observer all the time.
+
+        Raises:
+            DesignError: it has no gaze.
+        """
+        self._check_gaze(agent)
         follows = self.follows_observer.copy()
         follows[:, agent] = True
         return replace(self, follows_observer=follows)
@@ -257,12 +276,23 @@ class EyeBehaviour:
         """Return the behaviour in which this agent looks elsewhere from `t_ns` on.
 
         `to_observer` says whether it turns to the observer or from the observer to its point.
+
+        Raises:
+            DesignError: it has no gaze.
         """
+        self._check_gaze(agent)
         follows = self.follows_observer.copy()
         follows[:, agent] = (not to_observer, to_observer)
         turn_ns = self.turn_ns.copy()
         turn_ns[agent] = t_ns
         return replace(self, follows_observer=follows, turn_ns=turn_ns)
+
+    def _check_gaze(self, agent: int) -> None:
+        if agent in self.without_gaze:
+            raise DesignError(
+                f"{self.without_gaze[agent]} has no gaze: it was imported without, and can look at "
+                "nobody; let somebody whose eyes turn play this part"
+            )
 
     def distance_m(self, t_ns: int, observer_eye_m: Vector) -> npt.NDArray[np.float64]:
         """Return how far (m,) from between their eyes what agents look at is."""

@@ -84,7 +84,10 @@ def tragus_m(skin: Vector, eye: Vector) -> Vector | None:
     if len(ear_level) < MIN_POINTS:
         return None
     outward = -ear_level[:, 0]
-    y, z = ear_level[outward > np.quantile(outward, 0.985)].mean(axis=0)[1:] + TRAGUS_M
+    outermost = ear_level[outward > np.quantile(outward, 0.985)]
+    if not len(outermost):  # a flat side, as of a box
+        return None
+    y, z = outermost.mean(axis=0)[1:] + TRAGUS_M
     near = skin[np.hypot(skin[:, 1] - y, skin[:, 2] - z) < 0.010]
     x = np.quantile(near[:, 0], 0.3) if len(near) else np.quantile(ear_level[:, 0], 0.05)
     return np.array([x, y, z])

@@ -1,5 +1,6 @@
 """Write characters, at rest or moving, as glTF 2.0 for Blender, Unity and live pages."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -101,7 +102,6 @@ def write_glb(path: Path, data: bytes) -> None:
 
 def _own_facts(character: Character) -> dict[str, Any]:
     tips = [None if np.isnan(tip).any() else tip.tolist() for tip in character.skeleton.tips_m]
-    ball = character.eyeball
     return {
         "format": FORMAT,
         "name": character.name,
@@ -113,12 +113,7 @@ def _own_facts(character: Character) -> dict[str, Any]:
             [c.part, c.joint, c.start_m.tolist(), c.end_m.tolist(), c.radius_m]
             for c in character.capsules
         ],
-        "eyeball": {
-            "radius_m": ball.radius_m,
-            "iris_radius_m": ball.iris_radius_m,
-            "pupil_radius_m": ball.pupil_radius_m,
-            "iris_srgb": list(ball.iris_srgb),
-        },
+        "eyeball": None if character.eyeball is None else asdict(character.eyeball),
         "source": character.source,
         "licence": character.licence,
     }
@@ -138,7 +133,7 @@ def _add_mesh(
     vertices, index = np.unique(corners, return_inverse=True)
     weights = mesh.weights[vertices]
     joints = np.where(weights > 0, mesh.joints[vertices], 0)
-    is_eye = material.kind == "eye"
+    ball = character.eyeball if material.kind == "eye" else None
     attributes = {
         "POSITION": content.array(
             mesh.vertices_m[vertices], "f4", target=VERTICES, with_bounds=True
@@ -147,8 +142,9 @@ def _add_mesh(
         "JOINTS_0": content.array(joints, "u1", target=VERTICES),
         "WEIGHTS_0": content.array(weights, "f4", target=VERTICES),
     }
-    if is_eye:
-        picture_uv = eye_uv(_on_eyeballs(character, mesh, triangles, vertices))
+    if ball is not None:
+        on_eyeballs = _from_eye_centres(character, mesh, triangles, vertices) / ball.radius_m
+        picture_uv = eye_uv(on_eyeballs)
         attributes["TEXCOORD_0"] = content.array(picture_uv, "f4", target=VERTICES)
     else:
         if mesh.uv is not None and material.texture_srgb is not None:
@@ -189,20 +185,20 @@ def _unit(normals: npt.NDArray[np.float32]) -> Vector:
     return unit
 
 
-def _on_eyeballs(
+def _from_eye_centres(
     character: Character,
     mesh: SkinnedMesh,
     triangles: npt.NDArray[np.int64],
     vertices: npt.NDArray[np.int32],
 ) -> Vector:
-    """Return where vertices (v, 3) lie on their eye, in its radii."""
+    """Return where vertices (v, 3) lie from the centre of their eye, in metres."""
     skeleton = character.skeleton
     right = triangles[mesh.triangle_part[triangles] == PART_INDEX["right_eye"]]
     is_right = np.isin(vertices, mesh.triangles[right])
     left_m, right_m = (skeleton.rest_m[skeleton.index(f"{s}_eye")] for s in ("left", "right"))
     centre_m = np.where(is_right[:, None], right_m, left_m)
-    local: Vector = (mesh.vertices_m[vertices] - centre_m) / character.eyeball.radius_m
-    return local
+    from_centre_m: Vector = mesh.vertices_m[vertices] - centre_m
+    return from_centre_m
 
 
 def _add_material(content: GlbContent, character: Character, material: Material) -> int:
@@ -217,7 +213,7 @@ def _add_material(content: GlbContent, character: Character, material: Material)
             "has_picture": material.texture_srgb is not None,
         },
     }
-    if material.kind == "eye":
+    if material.kind == "eye" and character.eyeball is not None:
         picture = eye_picture(character.eyeball, skin_of_face_01(character))
         look["baseColorTexture"] = content.texture(picture)
     elif material.texture_srgb is not None:

@@ -10,7 +10,13 @@ from scipy.sparse.csgraph import connected_components
 
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.errors import CharacterError
-from visavis.stimuli.characters.gltf.eyes import MAX_RADIUS_M, MIN_RADIUS_M, balls_on, fit_sphere
+from visavis.stimuli.characters.gltf.eyes import (
+    MAX_RADIUS_M,
+    MIN_RADIUS_M,
+    STANDS_BY,
+    balls_on,
+    fit_sphere,
+)
 from visavis.stimuli.characters.gltf.figure import Figure, Surface
 from visavis.stimuli.characters.gltf.file import GltfFile
 
@@ -54,8 +60,8 @@ def with_eyeballs(file: GltfFile, figure: Figure) -> Figure:
     if missing:
         raise CharacterError(
             f"{file.path}: no bone for {' and '.join(missing)}, and no two eyeballs on the head; "
-            "add eye bones (LeftEye, RightEye) below the head, each eyeball bound to its own, or "
-            "say with --joint-map FILE which they are"
+            "add eye bones (LeftEye, RightEye) below the head, each eyeball bound to its own, say "
+            f"with --joint-map FILE which they are, {STANDS_BY}"
         )
     return figure
 

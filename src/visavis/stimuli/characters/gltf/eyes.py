@@ -12,6 +12,7 @@ from visavis.stimuli.characters.gltf.file import GltfFile
 from visavis.stimuli.characters.gltf.looks import linear_of, srgb_of
 
 MIN_RADIUS_M, MAX_RADIUS_M = 0.005, 0.03
+STANDS_BY = "or import it with --without-gaze, as somebody who stands by"
 MAX_OFF_BONE_M = 0.02
 """How far an eyeball's centre may lie from its bone."""
 
@@ -41,7 +42,7 @@ def fit_eye(file: GltfFile, figure: Figure, side: str) -> EyeFit:
     if not balls:
         raise CharacterError(
             f"{file.path}: no eyeball hangs on bone {figure.names[bone]!r}; bind each eyeball "
-            "wholly to its own eye bone"
+            f"wholly to its own eye bone, {STANDS_BY}"
         )
     surface, ball = max(balls, key=lambda pair: len(pair[1]))
     points = surface.vertices_m[ball]
@@ -50,14 +51,14 @@ def fit_eye(file: GltfFile, figure: Figure, side: str) -> EyeFit:
         raise CharacterError(
             f"{file.path}: what hangs on bone {figure.names[bone]!r} is not an eyeball (sphere of "
             f"{1000 * radius:.0f} mm); an eyeball's radius is 5 to 30 mm: separate the "
-            "eyeball from other surfaces, or scale the figure to metres"
+            f"eyeball from other surfaces, scale the figure to metres, {STANDS_BY}"
         )
     off_m = float(np.linalg.norm(centre - figure.at_m[bone]))
     if off_m > MAX_OFF_BONE_M:
         raise CharacterError(
             f"{file.path}: what hangs on bone {figure.names[bone]!r} is not an eyeball round it: "
             f"its sphere lies {1000 * off_m:.0f} mm off, as where an iris is drawn on a flat disc; "
-            "give the figure round eyeballs, each about its own bone"
+            f"give the figure round eyeballs, each about its own bone, {STANDS_BY}"
         )
     axis = _axis(surface, ball, centre)
     return EyeFit(centre, radius, axis, iris_colour(file, surface, ball, centre, axis))

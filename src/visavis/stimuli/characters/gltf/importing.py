@@ -1,9 +1,10 @@
 """Import characters from glTF files: their own skeleton, looks and shapes, our names and rest."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +50,8 @@ from visavis.stimuli.motion.skeleton import canonical_skeleton
 
 Gender = Literal["female", "male"]
 Indices = npt.NDArray[np.int64]
+SIDES: Final = ("left", "right")
+EYES: Final = ("left_eye", "right_eye")
 
 _SHAPES: dict[str, tuple[tuple[str, float], ...]] = {
     "left_blink": ((r"l_?eye_?close|eyeblink_?l(eft)?$|blink_?l(eft)?$|left.?(eye.?)?blink", 1.0),),
@@ -73,7 +76,7 @@ def marks_of(
     """Return joints and tips as `rest_pose.rig_of_marks` needs them.
 
     Joints without a bone stand where a body of the same height has them; eyes are the fitted
-    centres. `points_m` are all vertices.
+    centres, where there are any. `points_m` are all vertices.
     """
     stature = float(np.ptp(points_m[:, 1]))
     pattern = canonical_skeleton(float(np.clip(stature, 0.5, 2.9)))
@@ -118,22 +121,25 @@ def import_gltf(
     name: str | None = None,
     gender: Gender | None = None,
     joint_map: Mapping[str, str] | None = None,
+    gaze: bool = True,
 ) -> Character:
     """Return the character in a .glb file, in the T-pose, with levels, parts and capsules.
 
     What `visavis export character` wrote comes back as it was, under the name in the file; all
     else is fitted. `gender` is read from a name such as Asian_F_2 when None; `joint_map` gives the
-    file's bones for joints of ours that their names do not tell.
+    file's bones for joints of ours that their names do not tell. Without `gaze` eyes are part of
+    the head, as painted or modelled; such a figure needs no gender.
 
     Raises:
-        CharacterError: the file is broken, or lacks a skin, a needed bone, or eyes.
+        CharacterError: the file is broken, or lacks a skin, a needed bone, or, with `gaze`, eyes.
     """
     file = read_glb(path)
     try:
         own = read_own_figure(file)
-        if own is not None:
+        if own is not None and (gaze or own.eyeball is None):
             return _own_character(own, name, gender)
-        return _import_figure(file, name or path.stem, gender or _gender(path), joint_map)
+        gender = gender or _gender(path, is_needed=gaze)
+        return _import_figure(file, name or path.stem, gender, joint_map, gaze=gaze)
     except (KeyError, IndexError, TypeError) as e:
         raise CharacterError(
             f"{path}: refers to something that is not in it ({e!r}); export it again"
@@ -174,24 +180,37 @@ def _lighter_copies(
     return levels, tuple(match_areas(thin_mesh(mesh, n), first) for n in MEASURING_TRIANGLES)
 
 
-def _gender(path: Path) -> Gender:
+def _gender(path: Path, *, is_needed: bool) -> Gender | None:
     words = re.split(r"[^a-z]+", path.stem.lower())
     female, male = {"f", "female", "woman", "girl"}, {"m", "male", "man", "boy"}
     if female & set(words):
         return "female"
     if male & set(words):
         return "male"
+    if not is_needed:
+        return None
     raise CharacterError(
         f"{path}: its name does not say whether it is a woman or a man; pass --gender"
     )
 
 
 def _import_figure(
-    file: GltfFile, name: str, gender: Gender, joint_map: Mapping[str, str] | None
+    file: GltfFile,
+    name: str,
+    gender: Gender | None,
+    joint_map: Mapping[str, str] | None,
+    *,
+    gaze: bool,
 ) -> Character:
     shine_as_roughness(file)
-    figure = with_eyeballs(file, read_figure(file, joint_map))
-    eyes = {side: fit_eye(file, figure, side) for side in ("left", "right")}
+    figure = read_figure(file, joint_map)
+    eyes: dict[str, EyeFit] = {}
+    if gaze:
+        figure = with_eyeballs(file, figure)
+        eyes = {side: fit_eye(file, figure, side) for side in SIDES}
+    else:
+        bones = {ours: node for ours, node in figure.bone_of.items() if ours not in EYES}
+        figure = replace(figure, bone_of=bones)
     points = np.concatenate([s.vertices_m for s in figure.surfaces])
     at, tips = marks_of(figure, points, {side: eye.centre_m for side, eye in eyes.items()})
     rig = rig_of_marks(at, tips, float(points[:, 1].min()))
@@ -215,9 +234,7 @@ def _import_figure(
     mesh = join_skinned_meshes(parts)
     levels, measuring = _lighter_copies(mesh)
     stature = float(np.ptp(points[:, 1]))
-    radius = float(np.mean([eye.radius_m for eye in eyes.values()]))
     body = closed_surface(mesh, rig.skeleton)
-    iris = np.mean([eye.iris_srgb for eye in eyes.values()], axis=0)
     licence = file.tree.get("asset", {}).get("copyright", "")
     return Character(
         name=name,
@@ -229,15 +246,22 @@ def _import_figure(
         measuring=measuring,
         materials=with_full_margins(materials, mesh),
         capsules=fit_capsules(rig.skeleton, body),
-        eyeball=Eyeball(
-            radius,
-            round(0.38 * radius, 5),
-            round(0.14 * radius, 5),
-            (int(iris[0]), int(iris[1]), int(iris[2])),
-        ),
+        eyeball=_eyeball(tuple(eyes.values())) if eyes else None,
         source=f"imported from {file.path.name}",
         licence=licence or "see the source of the file",
         closed=body,
+    )
+
+
+def _eyeball(eyes: Sequence[EyeFit]) -> Eyeball:
+    """Return the ball of both eyes, which is that of neither where they differ."""
+    radius = float(np.mean([eye.radius_m for eye in eyes]))
+    iris = np.mean([eye.iris_srgb for eye in eyes], axis=0)
+    return Eyeball(
+        radius,
+        round(0.38 * radius, 5),
+        round(0.14 * radius, 5),
+        (int(iris[0]), int(iris[1]), int(iris[2])),
     )
 
 
@@ -266,7 +290,7 @@ def _at_rest(
     rest_normals = np.linalg.solve(blend, normals[..., None])[..., 0].astype(np.float64)
     rest_normals = np.nan_to_num(unit(rest_normals))
     tags = parts_of_weights(weights, surface.triangles, rig.skeleton.names)
-    eye_m = np.mean([eye.centre_m for eye in eyes.values()], axis=0)
+    eye_m = rig.at_m[[rig.skeleton.index(eye) for eye in EYES]].mean(axis=0)
     centres = vertices[surface.triangles].mean(axis=1)
     scale = float(np.ptp(figure.at_m[np.isfinite(figure.at_m).all(axis=1), 1])) / 1.65
     tags = face_of_head(tags, centres, eye_m, scale)

@@ -29,8 +29,8 @@ MIN_BARE_SHARE = 0.05
 
 
 def _on_eyes(figure: Figure, surface: Surface) -> Vector:
-    """Return how much of each vertex (v,) hangs on an eye bone."""
-    eyes = [figure.bone_of["left_eye"], figure.bone_of["right_eye"]]
+    """Return how much of each vertex (v,) hangs on an eye bone; a figure without gaze has none."""
+    eyes = [figure.bone_of.get(f"{side}_eye", -1) for side in ("left", "right")]
     share: Vector = (surface.weights * np.isin(surface.joints, eyes)).sum(axis=1)
     return share
 
@@ -64,7 +64,9 @@ def _kind(file: GltfFile, figure: Figure, surface: Surface) -> MaterialKind | No
     label = surface.name.lower()
     if surface.material is not None:
         extras = file.items("materials")[surface.material].get("extras") or {}
-        if extras.get("kind") in get_args(MaterialKind):
+        if extras.get("kind") in get_args(MaterialKind) and (
+            extras["kind"] != "eye" or "left_eye" in figure.bone_of
+        ):
             kind: MaterialKind = extras["kind"]
             return kind
         label += " " + str(file.items("materials")[surface.material].get("name", "")).lower()
@@ -90,7 +92,12 @@ def _lying(figure: Figure, rig: Rig, surface: Surface) -> _Lying:
     weights = canonical_weights(figure, rig, surface)
     tags = parts_of_weights(weights, surface.triangles, rig.skeleton.names)
     head = np.isin(tags, [PART_INDEX["scalp"], PART_INDEX["face"]])
-    eyes = [figure.at_m[figure.bone_of[f"{side}_eye"]] for side in ("left", "right")]
+    eyes = [
+        figure.at_m[figure.bone_of[eye]]
+        if eye in figure.bone_of
+        else rig.at_m[rig.skeleton.index(eye)]
+        for eye in ("left_eye", "right_eye")
+    ]
     corners = (surface.vertices_m[surface.triangles] - np.mean(eyes, axis=0)) / np.linalg.norm(
         eyes[0] - eyes[1]
     )

@@ -30,7 +30,7 @@ class OwnFigure:
     mesh: SkinnedMesh
     materials: tuple[Material, ...]
     capsules: tuple[BodyCapsule, ...]
-    eyeball: Eyeball
+    eyeball: Eyeball | None
 
 
 def read_own_figure(file: GltfFile) -> OwnFigure | None:
@@ -57,7 +57,9 @@ def read_own_figure(file: GltfFile) -> OwnFigure | None:
             BodyCapsule(part, joint, np.array(start), np.array(end), radius)
             for part, joint, start, end, radius in facts["capsules"]
         ),
-        Eyeball(
+        None
+        if ball is None
+        else Eyeball(
             ball["radius_m"],
             ball["iris_radius_m"],
             ball["pupil_radius_m"],

@@ -1,0 +1,170 @@
+"""Figures whose eyes cannot turn: they stand by, and look nowhere that could be told."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from tests.stimuli.glb_figure import write_glb
+from visavis.cli.main import app
+from visavis.lab.errors import DesignError
+from visavis.stimuli.characters.body_parts import PART_INDEX
+from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.checking import findings
+from visavis.stimuli.characters.errors import CharacterError
+from visavis.stimuli.characters.gltf import import_gltf
+from visavis.stimuli.characters.gltf.exporting import glb_of_character
+from visavis.stimuli.characters.library import import_characters
+from visavis.stimuli.characters.sizing import scale_to_stature
+from visavis.stimuli.characters.storage import read_character, write_character
+from visavis.stimuli.dressing import casting
+from visavis.stimuli.dressing.casting import default_casting, members_of, use_cast
+from visavis.stimuli.gaze.behaviour import EyeBehaviour
+from visavis.stimuli.gaze.blinks import Blinks
+from visavis.stimuli.motion.telephoning import tragus_m
+from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M, SPEAKER_EYE_M, audience_scene
+
+UNTURNABLE: dict[str, dict[str, Any]] = {
+    "no eyes": {"leave_out": ("left_eye", "right_eye")},
+    "one eye": {"leave_out": ("right_eye",)},
+    "too large": {"eye_radius_m": 0.05},
+    "on the head": {"eyes_on_head": True, "eye_radius_m": 0.035},
+    "on discs": {"eye_ahead_m": 0.05},
+    "of one material called body": {"eye_ahead_m": 0.05, "worn_as": "body", "head_squares": 12},
+}
+EYE_PARTS = (PART_INDEX["left_eye"], PART_INDEX["right_eye"])
+
+
+@pytest.fixture
+def mascot(tmp_path: Path) -> Path:
+    path = tmp_path / "mascot.glb"
+    write_glb(path, **UNTURNABLE["on discs"])
+    return path
+
+
+@pytest.fixture
+def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Nobody has been cast in this process yet."""
+    monkeypatch.setattr(casting, "_in_force", casting._InForce())
+    default_casting.cache_clear()
+    casting._person.cache_clear()
+    yield
+    default_casting.cache_clear()
+    casting._person.cache_clear()
+
+
+def assert_has_no_eyes(figure: Character) -> None:
+    assert not figure.has_gaze
+    assert "eye" not in {material.kind for material in figure.materials}
+    for mesh in (*figure.levels, *figure.measuring):
+        assert not np.isin(mesh.triangle_part, EYE_PARTS).any()
+
+
+@pytest.mark.parametrize("change", UNTURNABLE.values(), ids=UNTURNABLE)
+def test_eyes_that_cannot_turn_are_part_of_the_head(tmp_path: Path, change: dict[str, Any]) -> None:
+    write_glb(tmp_path / "mascot.glb", **change)
+    with pytest.raises(CharacterError, match="--without-gaze, as somebody who stands by"):
+        import_gltf(tmp_path / "mascot.glb", gender="female")
+    figure = import_gltf(tmp_path / "mascot.glb", gaze=False)
+    assert_has_no_eyes(figure)
+    assert None is figure.gender
+    assert np.isfinite(figure.skeleton.rest_m).all()
+    assert not [text for text in findings(figure) if "eye" in text or "lids" in text]
+
+
+def test_eyes_stay_as_the_file_has_them_turned(tmp_path: Path) -> None:
+    write_glb(tmp_path / "mascot.glb", eye_yaw_deg=20.0, eye_radius_m=0.014)
+    poles_m = []
+    for gaze in (True, False):
+        mesh = import_gltf(tmp_path / "mascot.glb", gender="female", gaze=gaze).levels[0]
+        # At the front pole of a lathed ball 16 triangles meet.
+        corners, counts = np.unique(mesh.triangles, return_counts=True)
+        places_m = mesh.vertices_m[corners[counts == 16]]
+        poles_m.append(places_m[places_m[:, 2].argmin()])
+    chord_m = 2 * 0.014 * np.sin(np.radians(10.0))
+    assert pytest.approx(chord_m, abs=1e-4) == np.linalg.norm(poles_m[0] - poles_m[1])
+
+
+def test_library_keeps_that_a_figure_has_no_gaze(tmp_path: Path, mascot: Path) -> None:
+    write_character(import_gltf(mascot, gaze=False), tmp_path / "mascot.npz")
+    figure = read_character(tmp_path / "mascot.npz")
+    assert_has_no_eyes(figure)
+    assert None is figure.gender
+    assert_has_no_eyes(scale_to_stature(figure, 1.2))
+
+
+def test_export_keeps_that_a_figure_has_no_gaze(tmp_path: Path, mascot: Path) -> None:
+    path = tmp_path / "again.glb"
+    path.write_bytes(glb_of_character(import_gltf(mascot, gaze=False)))
+    assert_has_no_eyes(import_gltf(path))
+
+
+def test_an_exported_person_may_come_back_without_gaze_their_eyes_painted(tmp_path: Path) -> None:
+    path = tmp_path / "anna.glb"
+    path.write_bytes(glb_of_character(load_character("anna"), level=2))
+    figure = import_gltf(path, gaze=False)
+    assert_has_no_eyes(figure)
+    eyes = next(m for m in figure.materials if m.name.startswith("eye"))
+    assert eyes.texture_srgb is not None
+
+
+@pytest.mark.usefixtures("fresh")
+def test_figures_without_gaze_play_under_their_names_alone(tmp_path: Path, mascot: Path) -> None:
+    library = tmp_path / "characters"
+    write_glb(tmp_path / "two_M.glb")
+    imports = [
+        *import_characters(mascot, library, gender="male", gaze=False),
+        *import_characters(tmp_path / "two_M.glb", library),
+    ]
+    assert all(result.character for result in imports)
+    use_cast(members_of(["mascot", "two_M"], tmp_path, library), library)
+    assert "two_M" == default_casting("male_01").name
+    assert "mascot" == default_casting("mascot").name
+    with pytest.raises(DesignError, match=r"no female .* with gaze: without it \(mascot\)"):
+        default_casting("female_01")
+    with pytest.raises(DesignError, match=r"nobody plays 'robot'; .*mascot, two_M, anna"):
+        default_casting("robot")
+
+
+def test_who_has_no_gaze_looks_nowhere_and_is_never_made_to() -> None:
+    m, close = 11, 3
+    scene = audience_scene([f"c{i}" for i in range(m)])
+    agents = tuple(replace(a, has_gaze=i != close) for i, a in enumerate(scene.agents))
+    blinks = Blinks(*(np.array([row], np.int64) for row in (close, 0, 10**9)))
+    eyes = EyeBehaviour.of_scene(
+        replace(scene, agents=agents), target_m=SPEAKER_EYE_M, blinks=blinks
+    )
+    gaze, openness, is_moving = eyes.at(5 * 10**8, PARTICIPANT_EYE_M)
+    distance_m = eyes.distance_m(0, PARTICIPANT_EYE_M)
+    unknown = np.arange(m) == close
+    for values in (gaze.sum(axis=1), openness, distance_m):
+        np.testing.assert_array_equal(unknown, np.isnan(values))
+    assert not is_moving
+    for make in (eyes.staring, lambda who: eyes.turning(who, 0, to_observer=True)):
+        with pytest.raises(DesignError, match=r"c3 has no gaze: .* let somebody whose eyes turn"):
+            make(close)
+
+
+def test_a_head_with_flat_sides_has_no_ear() -> None:
+    box = np.array([[-0.12, y, z] for y in np.linspace(0, 0.1, 20) for z in (-0.1, 0.0, 0.1)])
+    assert tragus_m(box, np.array([-0.03, 0.06, -0.05])) is None
+
+
+def test_import_and_list_say_who_has_no_gaze(tmp_path: Path, mascot: Path) -> None:
+    library = ["--library", str(tmp_path / "characters")]
+
+    def said(*words: str) -> str:
+        result = CliRunner().invoke(app, ["character", *words, *library])
+        assert result.exit_code == 0, result.output
+        return result.output
+
+    assert "mascot: a figure, 1." in (line := said("import", str(mascot), "--without-gaze"))
+    assert " m, without gaze" in line
+    rows = {row["name"]: row["has_gaze"] for row in json.loads(said("list", "--json"))}
+    assert (True, False) == (rows["anna"], rows["mascot"])
