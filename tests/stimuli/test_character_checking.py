@@ -58,6 +58,10 @@ def _goggling(person: Character) -> Character:
     return replace(person, eyeball=replace(person.eyeball, radius_m=0.03))
 
 
+def _dumb(person: Character) -> Character:
+    return _with_morphs(person, "jaw_open")
+
+
 def _squinting(person: Character) -> Character:
     offsets = person.skeleton.offsets_m.copy()
     offsets[person.skeleton.index("left_eye"), 0] -= 0.03
@@ -70,6 +74,8 @@ def _squinting(person: Character) -> Character:
         ("its left lids do not close", lambda p: _with_morphs(p, "left_blink")),
         ("its left lids do not close", _halfway),
         ("lids do not follow its eyes", lambda p: _with_morphs(p, "lids_up", "lids_down")),
+        ("cannot make the faces smile, frown", lambda p: _with_morphs(p, "smile")),
+        ("cannot make the faces open_mouth: give the file jawOpen", _dumb),
         ("is 170.00 m tall", lambda p: replace(p, stature_m=170.0)),
         ("eyeballs have a radius of 30 mm", _goggling),
         ("it has no left hand", _handless),

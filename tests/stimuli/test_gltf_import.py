@@ -141,6 +141,47 @@ def test_shapes_get_our_names(glb: Path) -> None:
     assert "left_blink" in person.levels[0].morphs
 
 
+@pytest.mark.parametrize(
+    ("names", "shapes"),
+    [
+        (["mouthSmileLeft", "mouthSmileRight", "jawOpen"], {"smile": 1.6, "jaw_open": 1.0}),
+        # Old figures have one name for both corners; new ones may carry it beside two.
+        (["mouthSmile"], {"smile": 0.8}),
+        (["mouthSmile", "mouthSmileLeft", "mouthSmileRight"], {"smile": 1.6}),
+        (["Fcl_MTH_Fun", "Fcl_MTH_A", "Fcl_ALL_Joy"], {"smile": 0.8, "jaw_open": 1.0}),
+        # VRoid's files carry ARKit's names, some of which move nothing.
+        (["jawOpen (empty)", "Fcl_MTH_A"], {"jaw_open": 1.0}),
+        (["jawOpen (empty)", "mouthSmileLeft (empty)"], {}),
+        (["Fcl_EYE_Close", "Fcl_EYE_Close_L"], {"left_blink": 1.0, "lids_down": 0.45}),
+        (["Fcl_EYE_Close_L", "eyeBlinkLeft"], {"left_blink": 1.0, "lids_down": 0.45}),
+        (["LeyeClose"], {"left_blink": 1.0, "lids_down": 0.45}),
+        (["browDownLeft", "mouthFrownLeft"], {}),
+    ],
+)
+def test_shapes_are_known_by_the_names_of_several_makers(
+    tmp_path: Path, glb: Path, names: list[str], shapes: dict[str, float]
+) -> None:
+    path = tmp_path / "shaped_F.glb"
+
+    def renamed(tree: dict[str, Any]) -> object:
+        (primitive,) = tree["meshes"][0]["primitives"]
+        (target,) = primitive["targets"]
+        accessors = tree["accessors"]
+        nothing = {k: v for k, v in accessors[target["POSITION"]].items() if k != "bufferView"}
+        accessors.append(nothing)
+        empty = {"POSITION": len(accessors) - 1}
+        primitive["targets"] = [empty if "empty" in name else target for name in names]
+        tree["meshes"][0]["extras"]["targetNames"] = [n.removesuffix(" (empty)") for n in names]
+        return tree
+
+    _retold(glb, path, renamed)
+    whole = import_gltf(glb).levels[0].morphs["left_blink"].delta_m
+    morphs = import_gltf(path).levels[0].morphs
+    assert shapes.keys() == morphs.keys()
+    for name, amount in shapes.items():
+        np.testing.assert_allclose(morphs[name].delta_m, amount * whole, atol=1e-7)
+
+
 def test_shapes_that_a_file_wears_at_rest_are_worn(tmp_path: Path, glb: Path) -> None:
     path = tmp_path / "smiling_F.glb"
 

@@ -103,10 +103,15 @@ def test_who_has_no_gaze_stands_by_and_is_drawn(name, options, has_gaze):
         ("person", {"character": "mascot", "eyes": "directed"}, "mascot .* cannot be directed"),
         ("two_people", {"left": "mascot"}, "scene two_people: mascot was imported without gaze"),
         ("person", {"character": "anna", "eyes": "none"}, "anna has gaze; write directed or aver"),
+        (
+            "person",
+            {"character": "mascot", "eyes": "none", "face": "frown"},
+            "mascot cannot make the face frown: .* mouthSmileLeft",
+        ),
         ("audience", {"eyes": "none"}, "eyes is 'none'"),
     ],
 )
-def test_a_scene_that_needs_gaze_refuses_who_has_none(name, options, says):
+def test_a_scene_refuses_who_cannot_do_what_it_asks(name, options, says):
     with pytest.raises(DesignError, match=says):
         frame_of(name, **options)
 

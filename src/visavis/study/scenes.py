@@ -30,7 +30,7 @@ from visavis.stimuli.gaze.behaviour import Course, EyeBehaviour
 from visavis.stimuli.gaze.blinks import draw_blinks
 from visavis.stimuli.gaze_window import GazeWindow, WindowPlace
 from visavis.stimuli.motion.errors import MotionError
-from visavis.stimuli.motion.faces import Face
+from visavis.stimuli.motion.faces import Face, shape_lacking
 from visavis.stimuli.motion.kinds import (
     Crouch,
     Idle,
@@ -489,6 +489,12 @@ def _with_face(
     except (MotionError, TypeError) as error:
         raise DesignError(f"scene {scene.name}: {error}") from error
     people, who = list(gathering.people), staged_scene.roles["active"]
+    character = people[who].character
+    if lacking := shape_lacking(default_casting(character), face):
+        raise DesignError(
+            f"scene {scene.name}: {character} cannot make the face {face}: its file has no shape "
+            f"such as {lacking}; leave out face, or let somebody else play this part"
+        )
     people[who] = replace(people[who], face=expression)
     staged_scene.scene = replace(gathering, people=tuple(people))
     return staged_scene

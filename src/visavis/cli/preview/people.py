@@ -17,7 +17,7 @@ from visavis.stage.stills import Stills
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.casting import build_of
 from visavis.stimuli.gaze.turning import Aimed
-from visavis.stimuli.motion.faces import NEUTRAL, Face
+from visavis.stimuli.motion.faces import NEUTRAL, Face, shape_lacking
 from visavis.stimuli.motion.kinds import Idle
 from visavis.stimuli.motion.people import PeopleMotion, Person
 from visavis.stimuli.motion.skeleton import forward
@@ -47,6 +47,8 @@ def people_sheet(
                 picture, eyes_m = portrait(character, yaw_deg, face)
                 camera = face_camera(eyes_m, yaw_deg, size_px[0] / size_px[1])
                 image = stills.image(picture, camera, size_px)
+                if views and shape_lacking(character, label):
+                    label = f"no {label}: lacks {shape_lacking(character, label)}"
                 tiles.append(add_label(image, f"{character.name}, {label}" if views else label))
     columns = len(views) * max(COLUMNS // len(views), 1) if views else COLUMNS
     return contact_sheet(tiles, "everybody at 1.1 m, looking at the camera", columns)

@@ -10,6 +10,7 @@ from visavis.stimuli.characters.body_parts import PART_INDEX, PARTS
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.characters.closing import collision_mesh, is_closed, volume_m3
 from visavis.stimuli.characters.rest_pose import FINGERS, PHALANGES
+from visavis.stimuli.motion.faces import EXPRESSIONS, shape_lacking
 
 STATURE_M: Final = (1.40, 2.15)
 """Range of nearly all adults, with shoes and hair."""
@@ -48,6 +49,7 @@ def _findings(character: Character) -> Iterator[str]:
     if character.eyeball is not None:
         yield from _eyes(character, character.eyeball.radius_m)
         yield from _lids(character)
+    yield from _faces(character)
     yield from _fingers(character)
     yield from _body(character)
 
@@ -91,6 +93,15 @@ def _lids(character: Character) -> Iterator[str]:
             )
     if not {"lids_up", "lids_down"} & set(mesh.morphs):
         yield "its lids do not follow its eyes: give the file shapes such as eyeLookDownLeft"
+
+
+def _faces(character: Character) -> Iterator[str]:
+    faces_by_shape: dict[str, list[str]] = {}
+    for expression in EXPRESSIONS:
+        if lacking := shape_lacking(character, expression):
+            faces_by_shape.setdefault(lacking, []).append(expression)
+    for lacking, expressions in faces_by_shape.items():
+        yield f"it cannot make the faces {', '.join(expressions)}: give the file {lacking}"
 
 
 def _fingers(character: Character) -> Iterator[str]:

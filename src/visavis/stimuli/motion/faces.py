@@ -8,7 +8,7 @@ import numpy as np
 
 from visavis.lab.geometry import Vector
 from visavis.lab.yaml_lines import did_you_mean
-from visavis.stimuli.characters.character import MORPHS
+from visavis.stimuli.characters.character import MORPHS, Character
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.rhythm_kernels import ease
 
@@ -19,6 +19,11 @@ EXPRESSIONS: Final[Mapping[str, Mapping[str, float]]] = {
     "open_mouth": {"jaw_open": 0.4},
 }
 """How far shapes of a face (`MORPHS`) go; a frown draws the corners of the mouth down."""
+SHAPES_OF_FILES: Final = {
+    "smile": "mouthSmileLeft and mouthSmileRight",
+    "jaw_open": "jawOpen",
+}
+"""What shapes that faces need are called in files, for messages."""
 CHANGE_S: Final = 0.5
 """How long a face takes to change."""
 
@@ -58,6 +63,15 @@ class Face:
         for shape, weight in EXPRESSIONS[self.expression].items():
             weights[MORPHS.index(shape)] = share * self.strength_01 * weight
         return weights
+
+
+def shape_lacking(character: Character, expression: str) -> str | None:
+    """Return what the shape is called in files that a character would need for an expression; None
+    if there is nothing that it lacks.
+    """
+    shapes = character.levels[0].morphs
+    lacking = (shape for shape in EXPRESSIONS[expression] if shape not in shapes)
+    return next((SHAPES_OF_FILES[shape] for shape in lacking), None)
 
 
 NEUTRAL: Final = Face()

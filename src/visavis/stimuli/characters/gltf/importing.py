@@ -1,7 +1,7 @@
 """Import characters from glTF files: their own skeleton, looks and shapes, our names and rest."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, Literal
@@ -52,22 +52,49 @@ Gender = Literal["female", "male"]
 Indices = npt.NDArray[np.int64]
 SIDES: Final = ("left", "right")
 EYES: Final = ("left_eye", "right_eye")
+LEAST_MOVE_M: Final = 2e-5
+"""Smaller displacements of shapes are rounding, and would only cost memory."""
 
-_SHAPES: dict[str, tuple[tuple[str, float], ...]] = {
-    "left_blink": ((r"l_?eye_?close|eyeblink_?l(eft)?$|blink_?l(eft)?$|left.?(eye.?)?blink", 1.0),),
+_SHAPES: Final[Mapping[str, tuple[tuple[str, float], ...]]] = {
+    "left_blink": (
+        (
+            r"(?<![a-z])l_?eye_?close|eyeblink_?l(eft)?$|blink_?l(eft)?$|left.?(eye.?)?blink",
+            1.0,
+        ),
+        (r"eye_close_l$", 1.0),
+    ),
     "right_blink": (
-        (r"r_?eye_?close|eyeblink_?r(ight)?$|blink_?r(ight)?$|right.?(eye.?)?blink", 1.0),
+        (
+            r"(?<![a-z])r_?eye_?close|eyeblink_?r(ight)?$|blink_?r(ight)?$|right.?(eye.?)?blink",
+            1.0,
+        ),
+        (r"eye_close_r$", 1.0),
     ),
     "lids_up": ((r"^lids_up$", 1.0), (r"eyelookup", 1.0), (r"[lr]_?eye_?open", 0.5)),
     "lids_down": (
         (r"^lids_down$", 1.0),
         (r"eyelookdown", 1.0),
-        (r"[lr]_?eye_?close|eyeblink|blink_?[lr]", 0.45),
+        (r"(?<![a-z])[lr]_?eye_?close|eyeblink|blink_?[lr]", 0.45),
+        (r"eye_close_[lr]$", 0.45),
     ),
-    "jaw_open": ((r"jaw_?open", 1.0), (r"mouth_?open", 1.0)),
-    "smile": ((r"mouth_?smile", 0.8), (r"smile_?close", 0.8), (r"smile", 0.8)),
+    "jaw_open": (
+        (r"jaw_?open", 1.0),
+        (r"mouth_?open", 1.0),
+        (r"mth_a$", 1.0),
+        (r"viseme_?aa$|^aa$", 1.0),
+    ),
+    "smile": (
+        (r"mouth_?smile_?(l|r|left|right)$", 0.8),
+        (r"mouth_?smile", 0.8),
+        (r"smile_?close", 0.8),
+        (r"smile", 0.8),
+        (r"mth_fun$", 0.8),
+        (r"^happy$", 0.8),
+    ),
 }
-"""How shapes are called in files; the first pattern that any shape fits is taken."""
+"""How shapes are called in files, in small letters; the first pattern is taken that any shape fits
+that moves something.
+"""
 
 
 def marks_of(
@@ -220,6 +247,7 @@ def _import_figure(
     looks = Looks(file)
     # One surface of a file may hold eyes, skin, hair and clothes; each piece gets its own material.
     split_surfaces = [part for whole in figure.surfaces for part in eyes_apart(figure, whole)]
+    moving = _moving_shapes(split_surfaces)
     face = face_look(file, figure, rig, split_surfaces, looks)
     for surface, kind, is_shared in [
         piece
@@ -230,7 +258,7 @@ def _import_figure(
         if key not in keys:
             keys[key] = len(materials)
             materials.append(looks.material(surface.material, kind, is_shared=is_shared))
-        parts.append(_at_rest(file, figure, rig, surface, kind, keys[key], eyes))
+        parts.append(_at_rest(file, figure, rig, surface, kind, keys[key], eyes, moving))
     mesh = join_skinned_meshes(parts)
     levels, measuring = _lighter_copies(mesh)
     stature = float(np.ptp(points[:, 1]))
@@ -273,6 +301,7 @@ def _at_rest(
     kind: str,
     material: int,
     eyes: dict[str, EyeFit],
+    moving: Set[str],
 ) -> SkinnedMesh:
     weights = canonical_weights(figure, rig, surface)
     vertices, normals = surface.vertices_m, surface.normals
@@ -305,10 +334,9 @@ def _at_rest(
         light = np.ones((n, 3)) if surface.colour is None else surface.colour
         colour = srgb_of(light * colour_factor(file, surface.material))
     morphs = {}
-    for name, delta in _morphs(surface).items():
-        # Displacements below 20 µm are rounding and would only cost memory.
+    for name, delta in _morphs(surface, moving).items():
         rest_delta_m = np.linalg.solve(blend, delta[..., None])[..., 0]
-        moves = np.flatnonzero(np.abs(rest_delta_m).max(axis=1) > 2e-5)
+        moves = np.flatnonzero(np.abs(rest_delta_m).max(axis=1) > LEAST_MOVE_M)
         if len(moves):
             morphs[name] = Morph(moves.astype(np.int32), rest_delta_m[moves].astype(np.float32))
     return SkinnedMesh(
@@ -325,15 +353,25 @@ def _at_rest(
     )
 
 
-def _morphs(surface: Surface) -> dict[str, Vector]:
-    """Return our shapes of the face as sums of the file's."""
+def _moving_shapes(surfaces: Sequence[Surface]) -> frozenset[str]:
+    """Return which shapes move anything: many files have all of ARKit's names, some empty."""
+    return frozenset(
+        name
+        for surface in surfaces
+        for name, delta in surface.shapes.items()
+        if np.abs(delta).max(initial=0.0) > LEAST_MOVE_M
+    )
+
+
+def _morphs(surface: Surface, moving: Set[str]) -> dict[str, Vector]:
+    """Return our shapes of the face as sums of the file's that are `moving`."""
     sums: dict[str, Vector] = {}
     for ours, patterns in _SHAPES.items():
         for pattern, amount in patterns:
             fits = [
                 delta
                 for name, delta in surface.shapes.items()
-                if re.search(pattern, name.rsplit(".", 1)[-1].lower())
+                if name in moving and re.search(pattern, name.rsplit(".", 1)[-1].lower())
             ]
             if fits:
                 sums[ours] = amount * np.sum(fits, axis=0)
