@@ -26,7 +26,7 @@ class Capsules(NamedTuple):
 
 
 @compiled
-def _stretch(a: Vector, b: Vector, r: float, x: float, z: float) -> tuple[float, float]:
+def stretch(a: Vector, b: Vector, r: float, x: float, z: float) -> tuple[float, float]:
     """Return where a vertical line is inside a capsule: low and high, low > high when nowhere."""
     low, high = np.inf, -np.inf
     for end in range(2):
@@ -165,7 +165,7 @@ def capsules_in_common_m3(
             na = 0
             for i in range(n_a):
                 if use_a[i]:
-                    low, high = _stretch(starts_a[i], ends_a[i], radii_a[i], x, z)
+                    low, high = stretch(starts_a[i], ends_a[i], radii_a[i], x, z)
                     if low < high:
                         al[na], ah[na] = low, high
                         na += 1
@@ -174,7 +174,7 @@ def capsules_in_common_m3(
             nb = 0
             for j in range(n_b):
                 if use_b[j]:
-                    low, high = _stretch(starts_b[j], ends_b[j], radii_b[j], x, z)
+                    low, high = stretch(starts_b[j], ends_b[j], radii_b[j], x, z)
                     if low < high:
                         bl[nb], bh[nb] = low, high
                         nb += 1

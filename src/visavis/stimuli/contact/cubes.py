@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
-from visavis.stimuli.contact.common import Capsules
+from visavis.stimuli.contact.common import Capsules, stretch
 from visavis.stimuli.contact.figures import Figures
 from visavis.stimuli.contact.idle import N_JOINTS, place_person
 from visavis.stimuli.contact.touch import pose_capsules, segment_distance
@@ -80,6 +80,7 @@ def cubes_touching_capsules(
     # The box that holds every cube near a pair of capsules.
     n_a, n_b = radii_a.shape[0], radii_b.shape[0]
     near = 1.7320508075688772 * cell_m
+    half_near = 0.51 * near
     point, centre = np.empty(3), np.empty(3)
     pairs = np.empty((n_a * n_b, 2), np.int64)
     lows, highs = np.empty((n_a * n_b, 3), np.int64), np.empty((n_a * n_b, 3), np.int64)
@@ -123,16 +124,25 @@ def cubes_touching_capsules(
     for n in range(n_pairs):
         i, j = pairs[n]
         for x in range(lows[n, 0], highs[n, 0]):
-            for y in range(lows[n, 1], highs[n, 1]):
-                for z in range(lows[n, 2], highs[n, 2]):
+            for z in range(lows[n, 2], highs[n, 2]):
+                centre[0], centre[2] = (x + 0.5) * cell_m, (z + 0.5) * cell_m
+                # The centre of a cube that touches is within half its diagonal of the capsule.
+                low_a, high_a = stretch(
+                    starts_a[i], ends_a[i], radii_a[i] + half_near, centre[0], centre[2]
+                )
+                low_b, high_b = stretch(
+                    starts_b[j], ends_b[j], radii_b[j] + half_near, centre[0], centre[2]
+                )
+                low, high = max(low_a, low_b), min(high_a, high_b)
+                if not low < high:
+                    continue
+                bottom = max(lows[n, 1], int(np.floor(low / cell_m)))
+                top = min(highs[n, 1], int(np.floor(high / cell_m)) + 1)
+                for y in range(bottom, top):
                     at = x - first[0], y - first[1], z - first[2]
                     if is_counted[at]:
                         continue
-                    centre[0], centre[1], centre[2] = (
-                        (x + 0.5) * cell_m,
-                        (y + 0.5) * cell_m,
-                        (z + 0.5) * cell_m,
-                    )
+                    centre[1] = (y + 0.5) * cell_m
                     if _touches(starts_a[i], ends_a[i], radii_a[i], centre, half) and _touches(
                         starts_b[j], ends_b[j], radii_b[j], centre, half
                     ):
