@@ -134,6 +134,17 @@ def test_a_labjack_that_does_not_answer_is_told_when_it_is_opened():
         on_lines([{"kind": "mute"}], "labjack_triggers", LabJackPeer)
 
 
+@pytest.mark.parametrize("number", range(len(labjack_codec.lines_out())))
+def test_a_labjack_does_nothing_that_a_packet_with_a_damaged_byte_says(number):
+    damaged = bytearray(labjack_codec.lines_out())
+    damaged[number] ^= 0x10
+    box = LabJackPeer("triggers", SimClock())
+    box.receive(bytes(damaged), 0)
+    assert (box.directions, box.answers[0].data) == (0, b"\xb8\xb8")
+    box.receive(labjack_codec.lines_out(), 0)
+    assert box.directions == 0xFF
+
+
 @pytest.mark.parametrize("code", [0, 256, -1])
 def test_codes_that_eight_lines_cannot_hold_are_refused(code):
     with pytest.raises(ConfigError, match=f"{code} is not a code: eight lines hold 1 to 255"):

@@ -35,11 +35,12 @@ STUDY = (
     + """
 @study.trial
 def trial(t):
-    yield t.show(Text("+"), frames=12)
+    cross = yield t.show(Text("+"), frames=12)
     yield t.dark(0.1)
     keys = Keys("r", "g", right=t.ink[0])
     answer = yield t.show(Text("x", colour=t.ink), seconds=0.2, until=keys, limit_s=2)
     t.row["said"] = answer.option
+    t.row["cross_ms"] = None if t.is_read else cross.ms
 
 @study.answer
 def answer(seen, response, rng):
@@ -100,6 +101,8 @@ def test_a_simulated_person_sees_what_the_page_shows_and_presses_in_their_time(
     assert {12} == set(rows["stimulus_frames"])
     lasted_ms = (rows["stimulus2_off_ns"] - rows["stimulus2_on_ns"]) / 1e6
     assert lasted_ms.to_numpy() == pytest.approx(200.0, abs=0.1)
+    cross_ms = (rows["stimulus_off_ns"] - rows["stimulus_on_ns"]) / 1e6
+    assert (rows["cross_ms"] == cross_ms).all()
     gap_ms = (rows["stimulus2_on_ns"] - rows["stimulus_off_ns"]) / 1e6
     assert gap_ms.to_numpy() == pytest.approx(100.0, abs=0.1)
 
