@@ -27,14 +27,16 @@ from visavis.stage.drawn_stage import (
     eye_camera,
 )
 from visavis.stage.errors import StageError
-from visavis.stage.frame_truth import read_views
+from visavis.stage.frame_truth import picture_crc32, read_views
 from visavis.stage.own_body import OwnBody
 from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
 from visavis.stage.stills import shrink
-from visavis.stimuli.picture import Camera, Picture
+from visavis.stimuli.dressing.picture_of import NOBODY, NOWHERE
+from visavis.stimuli.picture import Camera, Picture, Sheet
 from visavis.stimuli.scene import Agent, Scene, SceneFrame
 
 SIZE = (60, 72)
+AHEAD = Pose(np.array([0.0, 1.5, -2.0]), np.array([1.0, 0.0, 0.0, 0.0]))
 HEAD = Pose(np.array([0.05, 1.55, 0.4]), quat_from_yaw_pitch_deg(4.0, -3.0))
 
 
@@ -73,6 +75,13 @@ def _stage(
     stage = DrawnStage(_dressed, _renderer, display, clock, viewers=[watcher])
     stage.start(lambda batch: rows.append(batch) if batch.schema.name == "drawn" else None)
     return stage
+
+
+def test_a_picture_has_the_checksum_that_earlier_recordings_have_of_it() -> None:
+    sheet = Sheet(np.full((2, 3, 4), 7, np.uint8), AHEAD, (0.5, 0.25))
+    empty = Picture(0, NOWHERE, (), NOBODY)
+    assert 3_369_932_798 == picture_crc32(empty)
+    assert 2_511_435_407 == picture_crc32(replace(empty, sheets=(sheet,)))
 
 
 def test_frame_is_logged_shown_and_handed_over() -> None:
