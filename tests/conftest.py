@@ -79,6 +79,19 @@ def server_of_commands() -> Iterator[None]:
     COMMANDS.close()
 
 
+@pytest.fixture
+def nobody_cast(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Nobody has been cast in this process yet."""
+    from visavis.stimuli.dressing import casting
+
+    monkeypatch.setattr(casting, "_in_force", casting._InForce())
+    casting.default_casting.cache_clear()
+    casting._person.cache_clear()
+    yield
+    casting.default_casting.cache_clear()
+    casting._person.cache_clear()
+
+
 @pytest.fixture(scope="module")
 def playwright() -> Iterator[Any]:
     """What drives browsers for a module's tests: a thread can have one of them at a time."""

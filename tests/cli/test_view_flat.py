@@ -214,11 +214,11 @@ def test_an_area_that_moves_is_where_it_is_and_one_that_is_gone_nowhere() -> Non
     areas = (moving, Area("still", square))
     sheet = PlacedAreas(pose, (1.0, 1.0), (100, 100), areas, end_s=3.0)
     scene = FlatScene("flat", (), items=(Dots(seed=1), Shape("cross")))
-    bundle, shown = Bundle(), Picture(0, NOWHERE, (), NOBODY, sheets=first_sheets(scene)[1])
+    bundle, picture = Bundle(), Picture(0, NOWHERE, (), NOBODY, sheets=first_sheets(scene)[1])
     flat = flat_content(
         Showing(scene, (sheet,)),
         [0, 500_000_000, 2_000_000_000],
-        [shown] * 3,
+        [picture] * 3,
         Models(bundle, level=1),
         bundle,
     )

@@ -74,7 +74,7 @@ class Page:
         pictures = [np.asarray(Image.open(io.BytesIO(file)).convert("RGBA")) for file in files]
         return [pictures[k] for k in page_array(self.arrays, moving["at"])]
 
-    def shown(self, name: str) -> list[Any]:
+    def pictures_anew(self, name: str) -> list[Any]:
         """Return what was shown at each sample, drawn anew."""
         trial, scene = recorded_trial(self.recording, str(self.row["trial_id"])), self.scene(name)
         (part,) = self.header["parts"]
@@ -95,14 +95,14 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
 @pytest.mark.parametrize("name", ["film", "dots"])
 def test_each_sample_has_the_picture_of_its_time(page: Page, name: str) -> None:
     moving = page.scene(name)["flat"]["sheets"][-1]["moving"]
-    expected = [with_small_pictures(one).sheets[0].pixels for one in page.shown(name)]
-    found = page.pictures(moving)
-    assert len(expected) == len(found)
-    for wanted, one in zip(expected, found, strict=True):
-        assert wanted.shape == one.shape
-        assert np.abs(wanted.astype(int) - one).mean() < 3
-    assert len({one.tobytes() for one in found}) > len(found) / 3
-    assert max(found[0].shape) <= MOVING_SIDE_PX
+    expected = [with_small_pictures(one).sheets[0].pixels for one in page.pictures_anew(name)]
+    pictures = page.pictures(moving)
+    assert len(expected) == len(pictures)
+    for whole, small in zip(expected, pictures, strict=True):
+        assert whole.shape == small.shape
+        assert np.abs(whole.astype(int) - small).mean() < 3
+    assert len({one.tobytes() for one in pictures}) > len(pictures) / 3
+    assert max(pictures[0].shape) <= MOVING_SIDE_PX
 
 
 def test_a_film_is_kept_once_however_often_it_is_shown_and_cut_where_the_monitor_ends(
@@ -112,7 +112,7 @@ def test_a_film_is_kept_once_however_often_it_is_shown_and_cut_where_the_monitor
     numbers = [number_of(one) for one in page.pictures(whole["moving"])]
     assert sorted(numbers) == numbers
     assert len(set(numbers)) > 12
-    uncut_m = page.shown("cut")[0].sheets[0].size_m[0]
+    uncut_m = page.pictures_anew("cut")[0].sheets[0].size_m[0]
     assert part["size"][0] < 0.9 * uncut_m
     cut = page.pictures(part["moving"])[0]
     assert cut.shape[1] == pytest.approx(MOVING_SIDE_PX * part["size"][0] / uncut_m, abs=1)
@@ -122,7 +122,7 @@ def test_a_film_is_kept_once_however_often_it_is_shown_and_cut_where_the_monitor
 
 def test_a_film_all_around_goes_on(page: Page) -> None:
     moving = page.scene("lake")["flat"]["around"]["moving"]
-    expected = [_ahead(one.surround.eyes[0]) for one in page.shown("lake")]
+    expected = [_ahead(one.surround.eyes[0]) for one in page.pictures_anew("lake")]
     assert expected == [_ahead(one) for one in page.pictures(moving)]
     assert len(set(expected)) > 3
 
@@ -160,10 +160,10 @@ def test_a_browser_draws_the_picture_of_each_moment_forwards_and_back(tab: Any, 
 
 def test_a_picture_that_is_saved_has_the_moment_it_is_of(tab: Any, page: Page) -> None:
     scene = page.scene("film")
-    saved = []
+    rows = []
     for k in (14, 2):
         t_s = scene["t0"] + (k + 0.5) / scene["rate"]
-        saved.append(
+        rows.append(
             tab.evaluate(
                 """async t => { viewer.seek(t); const image = await createImageBitmap(
                 await viewer.saving.png(1)), c = new OffscreenCanvas(image.width, image.height),
@@ -173,4 +173,4 @@ def test_a_picture_that_is_saved_has_the_moment_it_is_of(tab: Any, page: Page) -
                 t_s,
             )
         )
-    assert saved[0] != saved[1]
+    assert rows[0] != rows[1]

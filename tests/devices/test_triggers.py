@@ -136,10 +136,10 @@ def test_a_labjack_that_does_not_answer_is_told_when_it_is_opened():
 
 @pytest.mark.parametrize("number", range(len(labjack_codec.lines_out())))
 def test_a_labjack_does_nothing_that_a_packet_with_a_damaged_byte_says(number):
-    damaged = bytearray(labjack_codec.lines_out())
-    damaged[number] ^= 0x10
+    packet = bytearray(labjack_codec.lines_out())
+    packet[number] ^= 0x10
     box = LabJackPeer("triggers", SimClock())
-    box.receive(bytes(damaged), 0)
+    box.receive(bytes(packet), 0)
     assert (box.directions, box.answers[0].data) == (0, b"\xb8\xb8")
     box.receive(labjack_codec.lines_out(), 0)
     assert box.directions == 0xFF

@@ -1,6 +1,5 @@
 """Who plays goes from the lab's configuration into the session, and to whatever reads it."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -25,15 +24,7 @@ from visavis.study.cast import use_cast_of, use_recorded_cast
 from visavis.study.films import Film
 from visavis.study.scenes import Scene
 
-
-@pytest.fixture(autouse=True)
-def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(casting, "_in_force", casting._InForce())
-    default_casting.cache_clear()
-    casting._person.cache_clear()
-    yield
-    default_casting.cache_clear()
-    casting._person.cache_clear()
+pytestmark = pytest.mark.usefixtures("nobody_cast")
 
 
 def _anew() -> None:

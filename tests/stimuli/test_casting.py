@@ -1,6 +1,5 @@
 """A cast of the lab's own: whom a configuration names, who plays which part, what is refused."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -9,19 +8,8 @@ import pytest
 from tests.stimuli.glb_figure import Plate, write_glb
 from visavis.lab.errors import DesignError
 from visavis.stimuli.characters.library import import_characters
-from visavis.stimuli.dressing import audience, casting
+from visavis.stimuli.dressing import audience
 from visavis.stimuli.dressing.casting import default_casting, members_of, use_cast
-
-
-@pytest.fixture
-def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Nobody has been cast in this process yet."""
-    monkeypatch.setattr(casting, "_in_force", casting._InForce())
-    default_casting.cache_clear()
-    casting._person.cache_clear()
-    yield
-    default_casting.cache_clear()
-    casting._person.cache_clear()
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +48,7 @@ def test_cast_that_is_not_there_is_refused(lab: Path, entries: list[str], told: 
         members_of(entries, lab, lab / "characters")
 
 
-@pytest.mark.usefixtures("fresh")
+@pytest.mark.usefixtures("nobody_cast")
 def test_numbers_and_those_who_come_along_are_played_by_the_cast_in_order(lab: Path) -> None:
     use_cast(members_of(["three_F", "one_F", "two_M"], lab, lab / "characters"), lab / "characters")
     played = [default_casting(part).name for part in ("female_01", "female_02", "male_01")]
@@ -69,7 +57,7 @@ def test_numbers_and_those_who_come_along_are_played_by_the_cast_in_order(lab: P
     assert default_casting("male_01") is default_casting("male_01")
 
 
-@pytest.mark.usefixtures("fresh")
+@pytest.mark.usefixtures("nobody_cast")
 def test_somebody_who_comes_along_plays_themselves_in_a_cast_that_has_them(lab: Path) -> None:
     use_cast(members_of(["one_F", "bela"], lab, lab / "characters"), lab / "characters")
     assert default_casting("bela").name == "bela"
@@ -78,7 +66,7 @@ def test_somebody_who_comes_along_plays_themselves_in_a_cast_that_has_them(lab: 
         default_casting("gabriel")
 
 
-@pytest.mark.usefixtures("fresh")
+@pytest.mark.usefixtures("nobody_cast")
 def test_numbers_beyond_the_cast_wear_clothes_of_another_colour(lab: Path) -> None:
     use_cast(members_of(["one_F"], lab, lab / "characters"), lab / "characters")
     first, again = default_casting("female_01"), default_casting("female_02")
@@ -93,7 +81,7 @@ def test_numbers_beyond_the_cast_wear_clothes_of_another_colour(lab: Path) -> No
     assert again.skeleton is first.skeleton
 
 
-@pytest.mark.usefixtures("fresh")
+@pytest.mark.usefixtures("nobody_cast")
 def test_the_audience_has_a_speaker_where_nobody_can_dress_anew(lab: Path, tmp_path: Path) -> None:
     write_glb(tmp_path / "bare_M.glb")
     assert all(r.character for r in import_characters(tmp_path / "bare_M.glb", lab / "characters"))
@@ -102,7 +90,7 @@ def test_the_audience_has_a_speaker_where_nobody_can_dress_anew(lab: Path, tmp_p
     assert audience._speaker((only,), default_casting) is only
 
 
-@pytest.mark.usefixtures("fresh")
+@pytest.mark.usefixtures("nobody_cast")
 def test_one_process_shows_one_cast(lab: Path) -> None:
     library = lab / "characters"
     mine = members_of(["one_F"], lab, library)
@@ -114,7 +102,7 @@ def test_one_process_shows_one_cast(lab: Path) -> None:
         use_cast((), library)
 
 
-@pytest.mark.usefixtures("fresh")
+@pytest.mark.usefixtures("nobody_cast")
 def test_file_that_is_not_the_one_recorded_is_refused(lab: Path, tmp_path: Path) -> None:
     members = members_of(["one_F"], lab, lab / "characters")
     (tmp_path / "one_F.npz").write_bytes(b"another")

@@ -1,7 +1,6 @@
 """Figures whose eyes cannot turn: they stand by, and look nowhere that could be told."""
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,6 @@ from visavis.stimuli.characters.gltf.exporting import glb_of_character
 from visavis.stimuli.characters.library import import_characters
 from visavis.stimuli.characters.sizing import scale_to_stature
 from visavis.stimuli.characters.storage import read_character, write_character
-from visavis.stimuli.dressing import casting
 from visavis.stimuli.dressing.casting import default_casting, members_of, use_cast
 from visavis.stimuli.gaze.behaviour import EyeBehaviour
 from visavis.stimuli.gaze.blinks import Blinks
@@ -46,17 +44,6 @@ def mascot(tmp_path: Path) -> Path:
     path = tmp_path / "mascot.glb"
     write_glb(path, **UNTURNABLE["on discs"])
     return path
-
-
-@pytest.fixture
-def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Nobody has been cast in this process yet."""
-    monkeypatch.setattr(casting, "_in_force", casting._InForce())
-    default_casting.cache_clear()
-    casting._person.cache_clear()
-    yield
-    default_casting.cache_clear()
-    casting._person.cache_clear()
 
 
 def assert_has_no_eyes(figure: Character) -> None:
@@ -114,7 +101,7 @@ def test_an_exported_person_may_come_back_without_gaze_their_eyes_painted(tmp_pa
     assert eyes.texture_srgb is not None
 
 
-@pytest.mark.usefixtures("fresh")
+@pytest.mark.usefixtures("nobody_cast")
 def test_figures_without_gaze_play_under_their_names_alone(tmp_path: Path, mascot: Path) -> None:
     library = tmp_path / "characters"
     write_glb(tmp_path / "two_M.glb")
@@ -159,12 +146,12 @@ def test_a_head_with_flat_sides_has_no_ear() -> None:
 def test_import_and_list_say_who_has_no_gaze(tmp_path: Path, mascot: Path) -> None:
     library = ["--library", str(tmp_path / "characters")]
 
-    def said(*words: str) -> str:
+    def output_of(*words: str) -> str:
         result = CliRunner().invoke(app, ["character", *words, *library])
         assert result.exit_code == 0, result.output
         return result.output
 
-    assert "mascot: a figure, 1." in (line := said("import", str(mascot), "--without-gaze"))
+    assert "mascot: a figure, 1." in (line := output_of("import", str(mascot), "--without-gaze"))
     assert " m, without gaze" in line
-    rows = {row["name"]: row["has_gaze"] for row in json.loads(said("list", "--json"))}
+    rows = {row["name"]: row["has_gaze"] for row in json.loads(output_of("list", "--json"))}
     assert (True, False) == (rows["anna"], rows["mascot"])

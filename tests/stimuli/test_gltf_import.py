@@ -163,7 +163,7 @@ def test_shapes_are_known_by_the_names_of_several_makers(
 ) -> None:
     path = tmp_path / "shaped_F.glb"
 
-    def renamed(tree: dict[str, Any]) -> object:
+    def with_these_names(tree: dict[str, Any]) -> object:
         (primitive,) = tree["meshes"][0]["primitives"]
         (target,) = primitive["targets"]
         accessors = tree["accessors"]
@@ -174,7 +174,7 @@ def test_shapes_are_known_by_the_names_of_several_makers(
         tree["meshes"][0]["extras"]["targetNames"] = [n.removesuffix(" (empty)") for n in names]
         return tree
 
-    _retold(glb, path, renamed)
+    _retold(glb, path, with_these_names)
     whole = import_gltf(glb).levels[0].morphs["left_blink"].delta_m
     morphs = import_gltf(path).levels[0].morphs
     assert shapes.keys() == morphs.keys()

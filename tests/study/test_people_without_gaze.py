@@ -1,6 +1,5 @@
 """Scenes of people in which somebody's eyes cannot turn: where they may stand, what is recorded."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +13,7 @@ from visavis.lab.errors import DesignError
 from visavis.recording.reader import Recording
 from visavis.running.sessions.simulation import SimulationTask, simulate_one
 from visavis.stimuli.characters.library import import_characters
-from visavis.stimuli.dressing import casting
-from visavis.stimuli.dressing.casting import default_casting, members_of, use_cast
+from visavis.stimuli.dressing.casting import members_of, use_cast
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.study.dry_run import still_view
 from visavis.study.scenes import Scene, Staging, stage
@@ -27,24 +25,16 @@ study = Study("beside", factors=[Factor("companion", ["mascot"])], texts="texts"
 def trial(t):
     scene = Scene("two_people", active="left", left="anna", right=t.companion)
     yield t.show(scene, seconds=0.5)
-    yield t.ask(Choice("looks", ["told", "untold"]))
+    yield t.ask(Choice("looks", ["both", "one"]))
 
 @study.answer
 def answer(seen, response, rng):
-    told = seen.looked_at_me_01 == seen.looked_at_me_01
-    return "untold" if told.tolist() == [True, False] else "told"
+    has_gaze = seen.looked_at_me_01 == seen.looked_at_me_01
+    return "one" if has_gaze.tolist() == [True, False] else "both"
 """
 
 
-@pytest.fixture(autouse=True)
-def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Nobody has been cast in this process yet."""
-    monkeypatch.setattr(casting, "_in_force", casting._InForce())
-    default_casting.cache_clear()
-    casting._person.cache_clear()
-    yield
-    default_casting.cache_clear()
-    casting._person.cache_clear()
+pytestmark = pytest.mark.usefixtures("nobody_cast")
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +48,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def lab(library: Path) -> None:
+def lab(nobody_cast: None, library: Path) -> None:
     use_cast(members_of(["anna", "gabriel", "mascot"], library, library), library)
 
 
@@ -86,13 +76,13 @@ SCENES = {
 @pytest.mark.parametrize(("name", "options", "has_gaze"), SCENES.values(), ids=SCENES)
 def test_who_has_no_gaze_stands_by_and_is_drawn(name, options, has_gaze):
     frame = frame_of(name, **options)
-    untold = [not each for each in has_gaze]
-    assert untold == np.isnan(frame.gaze_direction).all(axis=1).tolist()
-    assert untold == np.isnan(frame.eye_openness_01).tolist()
-    assert untold == np.isnan(frame.gaze_distance_m).tolist()
+    has_none = [not each for each in has_gaze]
+    assert has_none == np.isnan(frame.gaze_direction).all(axis=1).tolist()
+    assert has_none == np.isnan(frame.eye_openness_01).tolist()
+    assert has_none == np.isnan(frame.gaze_distance_m).tolist()
     people = picture_of(frame).people
-    for drawn in (people.root_m, people.orientation_wxyz, people.morphs_01):
-        assert np.isfinite(drawn).all()
+    for poses in (people.root_m, people.orientation_wxyz, people.morphs_01):
+        assert np.isfinite(poses).all()
 
 
 @pytest.mark.usefixtures("lab")
@@ -126,8 +116,8 @@ def test_a_session_does_not_say_where_somebody_without_gaze_looks(library, tmp_p
     file = str(tmp_path / "beside.py")
     session = Recording(simulate_one(SimulationTask(file, lab, "S01", 0, "", 1, True, {})))
     states = session.stream_arrays("scene_states")
-    lit = states["gaze_direction"].shape[1] and np.isfinite(states["gaze_direction"][:, 0, 0])
-    assert lit.any()
+    is_lit = states["gaze_direction"].shape[1] and np.isfinite(states["gaze_direction"][:, 0, 0])
+    assert is_lit.any()
     for name in ("gaze_direction", "eye_openness_01", "gaze_distance_m"):
-        assert np.isnan(states[name][lit, 1]).all()
-    assert ["untold"] == [row["looks"] for row in session.trials().to_dict("records")]
+        assert np.isnan(states[name][is_lit, 1]).all()
+    assert ["one"] == [row["looks"] for row in session.trials().to_dict("records")]

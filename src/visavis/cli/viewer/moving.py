@@ -52,7 +52,7 @@ def moving_content(
     is_shared = isinstance(course, FilmReader)
     add = models.picture_file if is_shared else bundle.add_bytes
     numbers: dict[bytes, int] = {}
-    files, shown = list[dict[str, Any]](), list[int]()
+    files, sequence = list[dict[str, Any]](), list[int]()
     for one in pixels:
         key = one.tobytes()
         if key not in numbers:
@@ -61,8 +61,8 @@ def moving_content(
             image = _part_of(one, box)
             how = {"quality": QUALITY} if is_shared else {"lossless": True}
             files.append(add(webp(image, method=METHOD, **how)))
-        shown.append(numbers[key])
-    return {"files": files, "at": bundle.add(np.array(shown, np.int32)), "isShared": is_shared}
+        sequence.append(numbers[key])
+    return {"files": files, "at": bundle.add(np.array(sequence, np.int32)), "isShared": is_shared}
 
 
 def _part_of(pixels: Pixels, box: Box | None) -> Image.Image:

@@ -123,11 +123,11 @@ def _body(character: Character) -> Iterator[str]:
     if not low <= litres <= high:
         yield f"its body holds {litres:.0f} litres; people's hold 45 to 150"
     parts_present = set(np.unique(character.levels[0].triangle_part).tolist())
-    worn = WORN if character.has_gaze else (*WORN, "left_eye", "right_eye")
+    parts_to_wear = WORN if character.has_gaze else (*WORN, "left_eye", "right_eye")
     missing = [
         part.replace("_", " ")
         for part in PARTS
-        if part not in worn and PART_INDEX[part] not in parts_present
+        if part not in parts_to_wear and PART_INDEX[part] not in parts_present
     ]
     if missing:
         yield f"it has no {', '.join(missing)} that could be looked at or measured"

@@ -116,8 +116,8 @@ def aim_rows(
         # Upper lids go with the pitch of the eyes.
         morphs[r, LIDS_UP] = min(1.0, max(0.0, pitch / LID_FULL_RAD))
         morphs[r, LIDS_DOWN] = min(1.0, max(0.0, -pitch / LID_FULL_RAD))
-        shut = 0.0
+        blink = 0.0
         if not np.isnan(openness_01[r]):
-            shut = min(1.0, max(0.0, 1.0 - openness_01[r]))
-        morphs[r, LEFT_BLINK] = shut
-        morphs[r, RIGHT_BLINK] = shut
+            blink = min(1.0, max(0.0, 1.0 - openness_01[r]))
+        morphs[r, LEFT_BLINK] = blink
+        morphs[r, RIGHT_BLINK] = blink
