@@ -30,9 +30,9 @@ from visavis.stage.processor.vertex_light import (
     light_points,
     looked_up,
 )
-from visavis.stage.renderer import LIGHTEST, Renderer
+from visavis.stage.renderer import LIGHTEST, Quality, Renderer
 from visavis.stimuli.characters.cast import load_cast
-from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.character import MORPHS, Character
 from visavis.stimuli.picture import Light, Picture
 
 CHEQUERED = np.kron(
@@ -112,6 +112,34 @@ def test_patterned_cloth_shows_its_pattern_near_and_its_mean_colour_far(
     near, far = contrast((640, 480)), contrast((96, 72))
     assert near > 0.3
     assert far < 0.15
+
+
+@pytest.mark.parametrize("quality", [LIGHTEST, FAITHFUL], ids=["processor", "card"])
+def test_every_shape_of_a_face_is_drawn(quality: Quality) -> None:
+    base, camera = figures.picture(1), figures.camera()
+
+    def smiling(character: Character, shape: str) -> Character:
+        """Return a character whose only shape, by this name, is a grin from ear to ear."""
+        smiles = [mesh.morphs["smile"] for mesh in character.levels]
+        grins = [replace(smile, delta_m=20 * smile.delta_m) for smile in smiles]
+        levels = zip(character.levels, grins, strict=True)
+        return replace(
+            character, levels=tuple(replace(mesh, morphs={shape: grin}) for mesh, grin in levels)
+        )
+
+    images = []
+    try:
+        renderer = Renderer(quality=quality)
+    except StageError as problem:
+        pytest.skip(str(problem))
+    with renderer:
+        at_rest = renderer.image(base, camera, (96, 72))
+        for weights, shape in zip(np.eye(len(MORPHS)), MORPHS, strict=True):
+            people = replace(base.people, morphs_01=weights[None])
+            cast = (smiling(base.cast[0], shape),)
+            images.append(renderer.image(replace(base, cast=cast, people=people), camera, (96, 72)))
+    assert not np.array_equal(at_rest, images[0])
+    assert all(np.array_equal(images[0], image) for image in images)
 
 
 def test_fading_darkens_people_and_room_alike(renderer: Renderer) -> None:

@@ -128,7 +128,7 @@ def test_blink_covers_the_eyes_and_lids_follow_them(person: Character) -> None:
     upper = mesh.morphs["lids_down"].delta_m[:, 1].min()
     assert upper < -0.001
     assert mesh.morphs["lids_up"].delta_m[:, 1].max() > 0.0005
-    assert set(mesh.morphs) == set(MORPHS)
+    assert set(mesh.morphs) == set(MORPHS) - {"frown"}
 
 
 @pytest.mark.parametrize("copy", [0, 1])
@@ -207,7 +207,7 @@ def test_skin_at_rest_is_the_mesh_and_follows_the_root_rigidly() -> None:
 
 def test_wrong_number_of_shapes_or_joints_is_refused() -> None:
     person = load_character("anna")
-    with pytest.raises(CharacterError, match="6"):
+    with pytest.raises(CharacterError, match=str(len(MORPHS))):
         shaped_m(person.levels[2], [1.0, 0.0])
     two = forward(person.skeleton, np.zeros((2, 3)), np.tile(standing_wxyz(), (2, 1, 1)))
     with pytest.raises(CharacterError, match="one person"):

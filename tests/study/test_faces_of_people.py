@@ -9,9 +9,17 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.running.film_store import FilmStore
 from visavis.running.live_film import live_film_files
+from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.characters.character import MORPHS
 from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.stimuli.motion.faces import CHANGE_S, EXPRESSIONS
+from visavis.stimuli.motion.faces import (
+    CHANGE_S,
+    EXPRESSIONS,
+    Face,
+    face_of,
+    shape_lacking,
+)
+from visavis.stimuli.picture import PosedPeople
 from visavis.study.dry_run import still_view
 from visavis.study.films import Film
 from visavis.study.scenes import Scene, Staging, stage
@@ -37,6 +45,33 @@ def test_a_face_goes_as_far_as_the_study_says_from_the_onset_on(expression, stre
     shape_changes = {k: v for k, v in of_face(face=expression, face_01=strength_01).items() if v}
     expected = {k: strength_01 * v for k, v in EXPRESSIONS[expression].items()}
     assert pytest.approx(expected) == shape_changes
+
+
+def test_who_has_shapes_of_their_own_for_a_frown_frowns_by_these():
+    anna = load_character("anna")
+    fine, *others = anna.levels
+    frowning = replace(fine, morphs={**fine.morphs, "frown": fine.morphs["smile"]})
+    face = Face("frown", 0.5)
+    weights = {
+        by: face_of(replace(anna, levels=(mesh, *others)), face).weights(0.0)
+        for by, mesh in (("smile", fine), ("frown", frowning))
+    }
+    worn = {
+        by: {k: w for k, w in zip(MORPHS, row, strict=True) if w} for by, row in weights.items()
+    }
+    assert {"smile": {"smile": -0.3}, "frown": {"frown": 0.5}} == worn
+    assert {None} == {
+        shape_lacking(anna, "frown"),
+        shape_lacking(replace(anna, levels=(replace(fine, morphs={"frown": None}),)), "frown"),
+    }
+
+
+def test_checksums_of_recordings_hold_while_nobody_wears_a_later_shape():
+    people = PosedPeople(np.zeros((2, 3)), np.zeros((2, 55, 4)), np.zeros((2, len(MORPHS))))
+    people.morphs_01[1, MORPHS.index("smile")] = 1.0
+    assert (2, 6) == people.parts_moved[2].shape
+    people.morphs_01[1, MORPHS.index("frown")] = 0.5
+    assert (2, 7) == people.parts_moved[2].shape
 
 
 def test_a_later_face_comes_within_its_time_and_stays():

@@ -407,7 +407,7 @@ def _name_of(store: FilmStore, film: Film) -> str:
         parts += [f"{picture.brightness_01:.6f}", "" if picture.mark_m is None else "marked"]
         digest.update(",".join(parts).encode())
         people = picture.people
-        for values in (people.root_m, people.orientation_wxyz, people.morphs_01):
+        for values in people.parts_moved:
             digest.update(_rounded(values))
         poses = [item.pose for item in picture.moving] + [p.pose for p in picture.panels]
         for pose in poses:

@@ -86,7 +86,7 @@ def picture_crc32(picture: Picture) -> int:
     """Return a checksum of everything in a picture that may change from frame to frame."""
     people = picture.people
     crc = 0
-    for array in (people.root_m, people.orientation_wxyz, people.morphs_01):
+    for array in people.parts_moved:
         crc = zlib.crc32(_bytes(array), crc)
     for thing in picture.moving:
         crc = zlib.crc32(thing.prop.name.encode(), crc)

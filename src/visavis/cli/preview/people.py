@@ -17,7 +17,7 @@ from visavis.stage.stills import Stills
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.casting import build_of
 from visavis.stimuli.gaze.turning import Aimed
-from visavis.stimuli.motion.faces import NEUTRAL, Face, shape_lacking
+from visavis.stimuli.motion.faces import NEUTRAL, Face, face_of, shape_lacking
 from visavis.stimuli.motion.kinds import Idle
 from visavis.stimuli.motion.people import PeopleMotion, Person
 from visavis.stimuli.motion.skeleton import forward
@@ -84,6 +84,7 @@ def portrait(character: Character, yaw_deg: float, face: Face = NEUTRAL) -> tupl
     """Return a character who stands and looks at a camera `yaw_deg` to the side of its nose, and
     the middle (3,) of its eyes.
     """
+    face = face_of(character, face)
     person = Person(build_of(character), Idle(), 7, (0.0, 0.0, 0.0), 180.0, face)
     motion = PeopleMotion((person,))
     angle = np.radians(yaw_deg)

@@ -92,12 +92,12 @@ class Drawing extends Painter {
     this.buffer(7, c.flat(mesh.morph), 1, {whole: true});
     const index = c.flat(mesh.index), kind = this.indices(index), bytes = index.BYTES_PER_ELEMENT;
     const rows = c.rows(mesh.deltas), n = mesh.deltas.s[0], height = Math.max(1, Math.ceil(n / 64));
-    const texels = new Float32Array(384 * height * 4);
-    for (let i = 0; i < n; i++) for (let m = 0; m < 6; m++) for (let x = 0; x < 3; x++)
-      texels[4 * ((i >> 6) * 384 + (i & 63) * 6 + m) + x] = rows[i * 18 + m * 3 + x];
+    const wide = 64 * SHAPES, texels = new Float32Array(wide * height * 4);
+    for (let i = 0; i < n; i++) for (let m = 0; m < SHAPES; m++) for (let x = 0; x < 3; x++)
+      texels[4 * ((i >> 6) * wide + (i & 63) * SHAPES + m) + x] = rows[3 * (i * SHAPES + m) + x];
     const deltas = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, deltas);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, 384, height, 0, gl.RGBA, gl.FLOAT, texels);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, wide, height, 0, gl.RGBA, gl.FLOAT, texels);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
     // Runs that look alike are drawn at once.

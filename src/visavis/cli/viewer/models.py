@@ -11,10 +11,10 @@ from PIL import Image
 
 from visavis.cli.viewer.bundle import Bundle
 from visavis.stage.card.lamps import lamp_axis, lamp_place
-from visavis.stage.card.vertices import Run, person_vertices, room_vertices
+from visavis.stage.card.vertices import PersonVertices, Run, person_vertices, room_vertices
 from visavis.stage.levels import BODY_RADIUS_M
 from visavis.stage.processor.baked_room import baked_room
-from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.character import MORPHS, Character
 from visavis.stimuli.picture import Light, Prop, Room
 
 LEVEL_OF_FEW, LEVEL_OF_MANY = 1, 2
@@ -100,7 +100,7 @@ class Models:
             "joints": add(vertices["joints"]),
             "weights": add(np.rint(255 * vertices["weights"].astype(np.float32)).astype(np.uint8)),
             "morph": add(vertices["morph"].astype(np.int16)),
-            "deltas": self._bundle.add_quantised(mesh.deltas[:, :6, :3].reshape(-1, 18)),
+            "deltas": self._bundle.add_quantised(_deltas_of(mesh)),
             "index": add(mesh.indices.astype(np.uint16 if len(vertices) < 65536 else np.uint32)),
             "runs": [self._run(run) for run in mesh.runs],
             "parents": [int(p) for p in skeleton.parents],
@@ -148,7 +148,7 @@ class Models:
             "joints": add(vertices["joints"]),
             "weights": add(np.rint(255 * vertices["weights"].astype(np.float32)).astype(np.uint8)),
             "morph": add(vertices["morph"].astype(np.int16)),
-            "deltas": add_quantised(mesh.deltas[:, :6, :3].reshape(-1, 18)),
+            "deltas": add_quantised(_deltas_of(mesh)),
             "index": add(number[np.concatenate([index, eyes])].astype(np.uint16)),
             "openFrom": len(closed_index),
             "eyeFrom": len(index),
@@ -245,3 +245,9 @@ def _cluster(
         whole = (a != b) & (b != c) & (a != c)
         corners = np.unique(triangles[whole], axis=0).ravel()
     return corners, np.unique(corners)
+
+
+def _deltas_of(mesh: PersonVertices) -> npt.NDArray[np.float32]:
+    """Return displacements by the shapes of the face, three numbers a shape in a row."""
+    deltas: npt.NDArray[np.float32] = mesh.deltas[:, : len(MORPHS), :3]
+    return deltas.reshape(len(deltas), -1)

@@ -97,10 +97,10 @@ class QuickPeople {
   move(i, m, bones, joints, shapes) {
     const {n, rest, bone, weight, morph, deltas} = m, out = this.corners, base = 12 * joints * i;
     let o = 4 * this.begin[i];
-    const s = shapes.subarray(6 * i, 6 * i + 6), shaped = deltas && s.some(v => Math.abs(v) > 0.003);
+    const s = shapes.subarray(SHAPES * i, SHAPES * (i + 1)), shaped = deltas && s.some(v => Math.abs(v) > 0.003);
     for (let v = 0; v < n; v++, o += 4) {
       let x = rest[3 * v], y = rest[3 * v + 1], z = rest[3 * v + 2];
-      if (shaped && morph[v] >= 0) for (let k = 0, d = 18 * morph[v]; k < 6; k++, d += 3) {
+      if (shaped && morph[v] >= 0) for (let k = 0, d = 3 * SHAPES * morph[v]; k < SHAPES; k++, d += 3) {
         x += s[k] * deltas[d]; y += s[k] * deltas[d + 1]; z += s[k] * deltas[d + 2];
       }
       let px = 0, py = 0, pz = 0;

@@ -43,7 +43,7 @@ class Scene {
     this.flat = data.flat ? new Flat(own, data.flat) : null;
     const n = data.cast.length, joints = data.joints;
     this.bones = new Float32Array(n * joints * 12);
-    this.shapes = new Float32Array(6 * n);
+    this.shapes = new Float32Array(SHAPES * n);
     this.place = new Float32Array(3 * n);
     this.head = new Float32Array(3 * n);
     this.skeletons = data.cast.map(k => {
@@ -74,11 +74,11 @@ class Scene {
     this.posedAt = t;
     const x = this.sample(t), joints = this.data.joints, n = this.data.cast.length;
     const {q, w, p, bones, place, head} = this;
-    const morph = new Float32Array(6);
+    const morph = new Float32Array(SHAPES);
     for (let r = 0; r < n; r++) {
       this.root.read(r, x, place, 3 * r, false);
       this.morphs.read(r, x, morph, 0, false);
-      this.shapes.set(morph, 6 * r);
+      this.shapes.set(morph, SHAPES * r);
       const {parents, offsets, rest} = this.skeletons[r];
       for (let j = 0; j < joints; j++) {
         this.turns.read(r * joints + j, x, q, 4 * j, true);

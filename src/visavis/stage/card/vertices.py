@@ -62,7 +62,7 @@ class PersonVertices:
     """One level of a character: `vertices` of PERSON_VERTEX, `indices` (k,) int32 in runs.
 
     `deltas` (m, 8, 4) float32 are the displacements of the vertices whose `morph` is not −1, in
-    the order of MORPHS (two spare).
+    the order of MORPHS (one spare).
     """
 
     vertices: npt.NDArray[np.void]

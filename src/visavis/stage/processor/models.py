@@ -10,6 +10,7 @@ from visavis.stage.card.shaders.people import KINDS
 from visavis.stage.card.textures import Layers
 from visavis.stage.card.vertices import PersonVertices, Run, TextureArray
 from visavis.stage.processor.vertex_light import EYE_KIND, Floats
+from visavis.stimuli.characters.character import MORPHS
 
 WRAPS = {"skin": (0.34, 0.17, 0.11), "hair": (0.3, 0.3, 0.3)}
 OTHER_WRAP = (0.12, 0.12, 0.12)
@@ -112,7 +113,7 @@ def model(level: PersonVertices, layers: Layers, *, is_finest: bool) -> Model:
         3 * np.take_along_axis(joints, heaviest, axis=1).astype(np.int32),
         weight,
         source["morph"].astype(np.int32),
-        np.ascontiguousarray(level.deltas[:, :6, :3]),
+        np.ascontiguousarray(level.deltas[:, : len(MORPHS), :3]),
         albedo,
         plain_albedo,
         np.concatenate([wrap, 1 / (1 + wrap) ** 2], axis=1).astype(np.float32),

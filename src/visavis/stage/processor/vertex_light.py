@@ -250,9 +250,9 @@ def pose(
         for v in range(vertices_of[person, 0], vertices_of[person, 1]):
             x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
             m = morph[v]
-            # Shapes of the face, six weights packed behind the joints' rows.
+            # Shapes of the face, their weights packed behind the joints' rows.
             if m >= 0:
-                for k in range(6):
+                for k in range(deltas.shape[1]):
                     w = row[face + k // 4, k % 4]
                     if w != 0:
                         x += w * deltas[m, k, 0]

@@ -17,8 +17,10 @@ MORPHS: Final[tuple[str, ...]] = (
     "lids_down",
     "jaw_open",
     "smile",
+    "frown",
 )
-"""Shapes of the face every character should have; one that lacks a shape keeps it at rest.
+"""Shapes of the face; one that lacks a shape keeps it at rest. Everybody should have all but
+`frown`, which imported figures with ARKit's shapes have.
 
 `lids_up` and `lids_down` are how the lids look when the eyes turn 30° up or down.
 """

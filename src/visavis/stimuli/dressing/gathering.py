@@ -12,6 +12,7 @@ from visavis.stimuli.dressing.casting import Casting, build_of, default_casting
 from visavis.stimuli.dressing.office import HEAD_RADIUS_M, gaze_of, look_of
 from visavis.stimuli.dressing.picture_of import named_function
 from visavis.stimuli.gaze.turning import Aimed
+from visavis.stimuli.motion.faces import face_of
 from visavis.stimuli.motion.kinds import Idle, Sit
 from visavis.stimuli.motion.people import HeldHeads, PeopleMotion, Person
 from visavis.stimuli.moving_heads import MovingHeads
@@ -48,7 +49,7 @@ def _motion(people: tuple[Standing, ...], casting: Casting) -> PeopleMotion:
                 p.seed,
                 (p.x_m, 0.0, p.z_m),
                 p.yaw_deg,
-                p.face,
+                face_of(casting(p.character), p.face),
             )
             for p in people
         )

@@ -1,7 +1,7 @@
 """Expressions of faces: which shapes go how far, from when on."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -19,6 +19,8 @@ EXPRESSIONS: Final[Mapping[str, Mapping[str, float]]] = {
     "open_mouth": {"jaw_open": 0.4},
 }
 """How far shapes of a face (`MORPHS`) go; a frown draws the corners of the mouth down."""
+FULL_EXPRESSIONS: Final[Mapping[str, Mapping[str, float]]] = {"frown": {"frown": 1.0}}
+"""What goes instead in figures that have shapes of their own for an expression."""
 SHAPES_OF_FILES: Final = {
     "smile": "mouthSmileLeft and mouthSmileRight",
     "jaw_open": "jawOpen",
@@ -32,7 +34,8 @@ CHANGE_S: Final = 0.5
 class Face:
     """An expression, how much of it, and since when.
 
-    One from 0 s on is there at the onset; a later one comes within `CHANGE_S`.
+    One from 0 s on is there at the onset; a later one comes within `CHANGE_S`. It `is_full` on a
+    figure that has shapes of its own for it (`face_of`).
 
     Raises:
         MotionError: there is no such expression, or a number is out of range.
@@ -41,6 +44,7 @@ class Face:
     expression: str = "neutral"
     strength_01: float = 1.0
     from_s: float = 0.0
+    is_full: bool = False
 
     def __post_init__(self) -> None:
         if self.expression not in EXPRESSIONS:
@@ -60,15 +64,25 @@ class Face:
         """Return how far each shape of `MORPHS` goes at a time after the onset."""
         share = 1.0 if self.from_s == 0.0 else ease((t_s - self.from_s) / CHANGE_S)
         weights = np.zeros(len(MORPHS))
-        for shape, weight in EXPRESSIONS[self.expression].items():
+        expressions = FULL_EXPRESSIONS if self.is_full else EXPRESSIONS
+        for shape, weight in expressions[self.expression].items():
             weights[MORPHS.index(shape)] = share * self.strength_01 * weight
         return weights
+
+
+def face_of(character: Character, face: Face) -> Face:
+    """Return a face as a character makes it: by shapes of its own for it, where it has them."""
+    shapes = FULL_EXPRESSIONS.get(face.expression)
+    has_shapes = shapes is not None and shapes.keys() <= character.levels[0].morphs.keys()
+    return replace(face, is_full=True) if has_shapes else face
 
 
 def shape_lacking(character: Character, expression: str) -> str | None:
     """Return what the shape is called in files that a character would need for an expression; None
     if there is nothing that it lacks.
     """
+    if face_of(character, Face(expression)).is_full:
+        return None
     shapes = character.levels[0].morphs
     lacking = (shape for shape in EXPRESSIONS[expression] if shape not in shapes)
     return next((SHAPES_OF_FILES[shape] for shape in lacking), None)

@@ -6,7 +6,7 @@
 import * as blends from "./blend.js";
 import * as wire from "./wire.js";
 import { readPerson } from "./glb.js";
-import { boneRows, isProcessor, LIGHT, FINE_LIGHT, Painter, PERSON, rendererName, rendererOf, ROOM } from "./painting.js";
+import { boneRows, isProcessor, LIGHT, FINE_LIGHT, Painter, PERSON, rendererName, rendererOf, ROOM, SHAPES } from "./painting.js";
 
 const TRIES = 4;
 const CAMERA_MS = 50; // 20 a second
@@ -247,7 +247,7 @@ export class Stage extends Painter {
     // No face moves.
     gl.vertexAttribI4i(7, -1, -1, -1, -1);
     const cast = this.people.map((_, k) => k);
-    this.drawPeople(cast, cast.filter((k) => this.people[k].isSeen), bones, joints, new Float32Array(6 * cast.length), projection, this.room, 1, null, eye);
+    this.drawPeople(cast, cast.filter((k) => this.people[k].isSeen), bones, joints, new Float32Array(SHAPES * cast.length), projection, this.room, 1, null, eye);
   }
 }
 

@@ -47,11 +47,13 @@ vec3 shine_at(vec3 place, vec3 n) {
   return sum;
 }`;
 
+export const SHAPES = 7; // of a face
+
 export const PERSON = [`#version 300 es
 layout(location=0) in vec3 place; layout(location=1) in vec3 normal; layout(location=2) in vec3 detail;
 layout(location=3) in vec3 colour; layout(location=4) in uvec4 surface; layout(location=5) in uvec4 joints;
 layout(location=6) in vec4 weights; layout(location=7) in int morph;
-uniform mat4 projection; uniform sampler2D bones; uniform sampler2D deltas; uniform int person; uniform int most; uniform float shape[6];
+uniform mat4 projection; uniform sampler2D bones; uniform sampler2D deltas; uniform int person; uniform int most; uniform float shape[${SHAPES}];
 uniform vec3 tint;
 out vec3 v_light; out vec3 v_detail; flat out uvec4 v_surface;
 #ifdef FINE
@@ -60,8 +62,8 @@ out vec3 v_place; out vec3 v_normal;
 ${LIGHT}
 void main() {
   vec3 at = place;
-  if (morph >= 0) for (int k = 0; k < 6; k++) if (abs(shape[k]) > 0.003)
-    at += shape[k] * texelFetch(deltas, ivec2(k + 6 * (morph % 64), morph / 64), 0).xyz;
+  if (morph >= 0) for (int k = 0; k < ${SHAPES}; k++) if (abs(shape[k]) > 0.003)
+    at += shape[k] * texelFetch(deltas, ivec2(k + ${SHAPES} * (morph % 64), morph / 64), 0).xyz;
   vec4 r0 = vec4(0.0), r1 = vec4(0.0), r2 = vec4(0.0);
   for (int i = 0; i < 4; i++) if (weights[i] > 0.0) {
     int c = 3 * int(joints[i]);
@@ -278,7 +280,7 @@ export class Painter {
     return at;
   }
 
-  // `bones` holds 3 rows of 4 numbers for every joint of everyone; `shapes` 6 numbers a person.
+  // `bones` holds 3 rows of 4 numbers for every joint of everyone; `shapes` SHAPES numbers a person.
   drawPeople(cast, visible, bones, joints, shapes, projection, room, brightness, tints, eye) {
     const gl = this.gl, n = cast.length;
     if (!visible.length) return;
@@ -302,7 +304,7 @@ export class Painter {
       gl.bindTexture(gl.TEXTURE_2D, model.deltas);
       gl.activeTexture(gl.TEXTURE0);
       gl.uniform1i(at.person, i);
-      gl.uniform1fv(at.shape, shapes.subarray(6 * i, 6 * i + 6));
+      gl.uniform1fv(at.shape, shapes.subarray(SHAPES * i, SHAPES * (i + 1)));
       gl.uniform3fv(at.tint, tints && tints[i] ? tints[i] : [1, 1, 1]);
       for (const run of model.runs) {
         gl.uniform1i(at.look, run.mode);

@@ -1,5 +1,5 @@
 uniform sampler2D joint_rows;   // per person: 3 texels a joint, 4 of soles, 2 of face weights
-uniform sampler2D morph_deltas; // per vertex that moves: 6 displacements, 2 spare
+uniform sampler2D morph_deltas; // per vertex that moves: 7 displacements, 1 spare
 uniform usampler2D sources;     // per vertex: place and morph, normal and surface, detail and
                                 // joints, weights, colour
 uniform isampler2D chunks;      // first vertex, how many, person, first displacement
@@ -33,7 +33,8 @@ void main() {
         vec4 a = texelFetch(joint_rows, ivec2(face, person), 0);
         vec4 b = texelFetch(joint_rows, ivec2(face + 1, person), 0);
         rest += a.x * delta(row, 0) + a.y * delta(row, 1) + a.z * delta(row, 2)
-              + a.w * delta(row, 3) + b.x * delta(row, 4) + b.y * delta(row, 5);
+              + a.w * delta(row, 3) + b.x * delta(row, 4) + b.y * delta(row, 5)
+              + b.z * delta(row, 6);
     }
     vec4 x = vec4(0.0), y = vec4(0.0), z = vec4(0.0);
     for (int i = 0; i < 4; ++i) {

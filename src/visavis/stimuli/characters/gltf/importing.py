@@ -55,6 +55,8 @@ EYES: Final = ("left_eye", "right_eye")
 LEAST_MOVE_M: Final = 2e-5
 """Smaller displacements of shapes are rounding, and would only cost memory."""
 
+_FROWNING, _BROWS_DOWN = r"mouth_?frown", r"brow_?down_?(l|r|left|right)?$"
+"""Brows alone make no frown: without shapes of the mouth, the smile the other way round does."""
 _SHAPES: Final[Mapping[str, tuple[tuple[str, float], ...]]] = {
     "left_blink": (
         (
@@ -90,6 +92,10 @@ _SHAPES: Final[Mapping[str, tuple[tuple[str, float], ...]]] = {
         (r"smile", 0.8),
         (r"mth_fun$", 0.8),
         (r"^happy$", 0.8),
+    ),
+    "frown": (
+        (r"^frown$", 1.0),
+        (rf"{_FROWNING}|{_BROWS_DOWN}", 0.8),
     ),
 }
 """How shapes are called in files, in small letters; the first pattern is taken that any shape fits
@@ -355,12 +361,15 @@ def _at_rest(
 
 def _moving_shapes(surfaces: Sequence[Surface]) -> frozenset[str]:
     """Return which shapes move anything: many files have all of ARKit's names, some empty."""
-    return frozenset(
+    moving = frozenset(
         name
         for surface in surfaces
         for name, delta in surface.shapes.items()
         if np.abs(delta).max(initial=0.0) > LEAST_MOVE_M
     )
+    if not any(re.search(_FROWNING, name.lower()) for name in moving):
+        return frozenset(name for name in moving if not re.search(_BROWS_DOWN, name.lower()))
+    return moving
 
 
 def _morphs(surface: Surface, moving: Set[str]) -> dict[str, Vector]:
