@@ -143,6 +143,7 @@ def test_a_head_with_flat_sides_has_no_ear() -> None:
     assert tragus_m(box, np.array([-0.03, 0.06, -0.05])) is None
 
 
+@pytest.mark.slow
 def test_import_and_list_say_who_has_no_gaze(tmp_path: Path, mascot: Path) -> None:
     library = ["--library", str(tmp_path / "characters")]
 

@@ -1,5 +1,6 @@
 """People of scenes make faces: which, how much, and from when on."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.running.film_store import FilmStore
 from visavis.running.live_film import live_film_files
+from visavis.running.page.server import SITE
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.characters.character import MORPHS
 from visavis.stimuli.dressing.picture_of import picture_of
@@ -72,6 +74,11 @@ def test_checksums_of_recordings_hold_while_nobody_wears_a_later_shape():
     assert (2, 6) == people.parts_moved[2].shape
     people.morphs_01[1, MORPHS.index("frown")] = 0.5
     assert (2, 7) == people.parts_moved[2].shape
+
+
+def test_pages_draw_as_many_shapes_as_faces_have():
+    (count,) = re.findall(r"SHAPES = (\d+)", (SITE / "painting.js").read_text("utf-8"))
+    assert len(MORPHS) == int(count)
 
 
 def test_a_later_face_comes_within_its_time_and_stays():
