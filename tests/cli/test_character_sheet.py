@@ -1,5 +1,6 @@
 """visavis character sheet: faces of those named; refusals before anything is drawn."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -9,12 +10,13 @@ from typer.testing import CliRunner
 
 from visavis.cli.commands.character import SHEET_TILE_PX
 from visavis.cli.main import app
-from visavis.cli.preview.people import TILE_PX
-from visavis.cli.preview.pictures import TITLE_PX, contact_sheet
+from visavis.cli.preview.people import TILE_PX, _away_m
+from visavis.cli.preview.pictures import FACE_AWAY_M, TITLE_PX, contact_sheet
 from visavis.lab.errors import LabError, UsageError
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import Renderer
-from visavis.stimuli.characters.cast import cast_names
+from visavis.stimuli.characters.cast import cast_names, load_character
+from visavis.stimuli.characters.sizing import scale_to_stature
 
 
 def sheet(*arguments: object) -> None:
@@ -158,3 +160,14 @@ def test_picture_that_exists_is_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "old.png").write_bytes(b"old")
     with pytest.raises(UsageError, match="exists already"):
         sheet(tmp_path / "old.png", "anna", "--library", tmp_path)
+
+
+def test_all_of_a_head_is_on_the_sheet_however_large_that_of_a_mascot_is() -> None:
+    anna = load_character("anna")
+    small, large = (
+        _away_m(scale_to_stature(replace(anna, eyeball=None), stature_m))
+        for stature_m in (1.6, 2.4)
+    )
+    assert FACE_AWAY_M == _away_m(anna)
+    assert 1.5 == pytest.approx(large / small)
+    assert small >= FACE_AWAY_M

@@ -152,7 +152,7 @@ def test_import_and_list_say_who_has_no_gaze(tmp_path: Path, mascot: Path) -> No
         assert result.exit_code == 0, result.output
         return result.output
 
-    assert "mascot: a figure, 1." in (line := output_of("import", str(mascot), "--without-gaze"))
-    assert " m, without gaze" in line
+    words = ("import", str(mascot), "--without-gaze", "--stature", "1.2")
+    assert "mascot: a figure, 1.20 m, without gaze" in output_of(*words)
     rows = {row["name"]: row["has_gaze"] for row in json.loads(output_of("list", "--json"))}
     assert (True, False) == (rows["anna"], rows["mascot"])

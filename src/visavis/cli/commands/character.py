@@ -1,6 +1,6 @@
 """character import, fetch, list and sheet: the people that scenes can show."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, cast
 
@@ -32,8 +32,12 @@ from visavis.stimuli.characters.cast import cast_names, load_character
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.characters.checking import findings
 from visavis.stimuli.characters.errors import CharacterError
-from visavis.stimuli.characters.gltf import Gender
-from visavis.stimuli.characters.library import import_characters, library_names, people_in
+from visavis.stimuli.characters.library import (
+    Imported,
+    import_characters,
+    library_names,
+    people_in,
+)
 from visavis.stimuli.motion.faces import EXPRESSIONS
 
 characters = typer.Typer(
@@ -210,6 +214,9 @@ def import_command(
             help="For figures whose eyes cannot turn: bystanders, whom no scene can ask to look.",
         ),
     ] = False,
+    stature: Annotated[
+        float | None, typer.Option(help="Scale everybody to so many metres, with shoes.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Import glTF characters into the lab's library; one line a file. FBX files need Blender.
@@ -221,7 +228,15 @@ def import_command(
     folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
     checked_gender = cast("Literal['female', 'male'] | None", gender)
     joints = None if joint_map is None else read_joint_map(joint_map)
-    _import(source, folder, checked_gender, joints, gaze=not without_gaze, as_json=as_json)
+    results = import_characters(
+        source,
+        folder,
+        gender=checked_gender,
+        joint_map=joints,
+        gaze=not without_gaze,
+        stature_m=stature,
+    )
+    _tell_imports(results, folder, as_json=as_json)
 
 
 @characters.command("fetch")
@@ -251,7 +266,7 @@ def fetch_command(
         return
     folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
     with people_in(download, only) as people:
-        _import(people, folder, None, None, as_json=as_json)
+        _tell_imports(import_characters(people, folder), folder, as_json=as_json)
 
 
 def _distances_m(text: str) -> tuple[float, ...]:
@@ -269,18 +284,10 @@ def _distances_m(text: str) -> tuple[float, ...]:
     return distances_m
 
 
-def _import(
-    source: Path,
-    folder: Path,
-    gender: Gender | None,
-    joint_map: dict[str, str] | None,
-    *,
-    gaze: bool = True,
-    as_json: bool,
-) -> None:
+def _tell_imports(results: Iterable[Imported], folder: Path, *, as_json: bool) -> None:
     rows: list[dict[str, object]] = []
     failure_count = 0
-    for result in import_characters(source, folder, gender=gender, joint_map=joint_map, gaze=gaze):
+    for result in results:
         if result.character is None:
             failure_count += 1
             rows.append({"file": str(result.source), "problem": result.problem})

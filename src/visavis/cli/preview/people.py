@@ -6,6 +6,8 @@ import numpy as np
 from PIL import Image
 
 from visavis.cli.preview.pictures import (
+    FACE_AWAY_M,
+    FACE_TANGENT,
     add_label,
     contact_sheet,
     face_camera,
@@ -14,6 +16,7 @@ from visavis.cli.preview.pictures import (
 )
 from visavis.lab.geometry import Vector, unit
 from visavis.stage.stills import Stills
+from visavis.stimuli.characters.body_parts import PART_INDEX
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.casting import build_of
 from visavis.stimuli.gaze.turning import Aimed
@@ -42,16 +45,29 @@ def people_sheet(
     with Stills() as stills:
         for character in people:
             name = f"{character.name}, {character.stature_m:.2f} m"
-            name += "" if character.has_gaze else ", without gaze"
+            away_m = _away_m(character)
+            if not character.has_gaze:
+                name += f", without gaze, from {away_m:.1f} m"
             for yaw_deg, face, label in views or [(a, NEUTRAL, name) for a in (0.0, TURNED_DEG)]:
                 picture, eyes_m = portrait(character, yaw_deg, face)
-                camera = face_camera(eyes_m, yaw_deg, size_px[0] / size_px[1])
+                camera = face_camera(eyes_m, yaw_deg, size_px[0] / size_px[1], away_m)
                 image = stills.image(picture, camera, size_px)
                 if views and shape_lacking(character, label):
                     label = f"no {label}: lacks {shape_lacking(character, label)}"
                 tiles.append(add_label(image, f"{character.name}, {label}" if views else label))
     columns = len(views) * max(COLUMNS // len(views), 1) if views else COLUMNS
     return contact_sheet(tiles, "everybody at 1.1 m, looking at the camera", columns)
+
+
+def _away_m(character: Character) -> float:
+    """Return from how far away all of a head is seen: that of a mascot may be of any size."""
+    if character.has_gaze:
+        return FACE_AWAY_M
+    mesh, skeleton = character.levels[0], character.skeleton
+    on_head = np.isin(mesh.triangle_part, [PART_INDEX["face"], PART_INDEX["scalp"]])
+    eyes_m = skeleton.rest_m[[skeleton.index("left_eye"), skeleton.index("right_eye")]].mean(axis=0)
+    from_eyes_m = np.abs(mesh.vertices_m[mesh.triangles[on_head]] - eyes_m)[..., :2]
+    return max(FACE_AWAY_M, float(from_eyes_m.max(initial=0.0)) / FACE_TANGENT)
 
 
 def distance_sheet(

@@ -70,10 +70,12 @@ def camera_of(
     return replace(camera, near_m=max(camera.near_m, back - radius - 0.7))
 
 
-def face_camera(eyes_m: Vector, yaw_deg: float, aspect: float) -> Camera:
-    """Return a camera at conversation distance before a face whose eyes' middle is given."""
+def face_camera(
+    eyes_m: Vector, yaw_deg: float, aspect: float, away_m: float = FACE_AWAY_M
+) -> Camera:
+    """Return a camera, at conversation distance, before a face whose eyes' middle is given."""
     angle = np.radians(yaw_deg)
-    place = eyes_m + FACE_AWAY_M * np.array([np.sin(angle), 0.04, np.cos(angle)])
+    place = eyes_m + away_m * np.array([np.sin(angle), 0.04, np.cos(angle)])
     aim = eyes_m + np.array([0.0, 0.01, 0.0])  # with all of a tall head of hair
     return symmetric_camera(looking(place, aim - place), FACE_TANGENT, aspect)
 

@@ -44,7 +44,10 @@ def findings(character: Character) -> tuple[str, ...]:
 def _findings(character: Character) -> Iterator[str]:
     low, high = STATURE_M
     if not low <= character.stature_m <= high:
-        yield f"is {character.stature_m:.2f} m tall: is the file in metres or centimetres?"
+        yield (
+            f"is {character.stature_m:.2f} m tall: is the file in metres or centimetres? Scale it "
+            "with --stature"
+        )
     yield from _limbs(character)
     if character.eyeball is not None:
         yield from _eyes(character, character.eyeball.radius_m)

@@ -14,6 +14,7 @@ from visavis.stimuli.characters.character import Character
 from visavis.stimuli.characters.errors import CharacterError
 from visavis.stimuli.characters.fbx import as_glb
 from visavis.stimuli.characters.gltf import Gender, import_gltf
+from visavis.stimuli.characters.sizing import scale_to_stature
 from visavis.stimuli.characters.storage import FIGURE_FILES, write_character
 
 
@@ -79,12 +80,13 @@ def import_characters(
     gender: Gender | None = None,
     joint_map: Mapping[str, str] | None = None,
     gaze: bool = True,
+    stature_m: float | None = None,
 ) -> Iterator[Imported]:
     """Import a .glb, .vrm or .fbx file, or every one in a folder, into the library, one by one.
 
     FBX files are converted by Blender (`visavis.stimuli.characters.fbx`). Without `gaze` figures
-    need no eyes, and look nowhere. A file that cannot be used is reported and does not stop the
-    others.
+    need no eyes, and look nowhere. With `stature_m` everybody is scaled to be so tall. A file that
+    cannot be used is reported and does not stop the others.
 
     Raises:
         CharacterError: there is nothing to import.
@@ -99,6 +101,8 @@ def import_characters(
     for file in files:
         try:
             character, odd = _import_file(file, gender, joint_map, gaze=gaze)
+            if stature_m is not None:
+                character = scale_to_stature(character, stature_m)
         except CharacterError as error:
             yield Imported(file, None, None, str(error))
             continue
