@@ -25,7 +25,9 @@ def simulate_and_analyse(file: Path, text: str, *more: str, participants: int) -
     """
     file.write_text(text, "utf-8")
     words = ["simulate", str(file), "--participants", str(participants), "--processes=1"]
-    invoked(*words, "--output", str(file.parent), "--config", str(SCREEN_EXAMPLE), *more)
+    words += ["--output", str(file.parent), "--config", str(SCREEN_EXAMPLE), *more]
+    with quick_targets():
+        invoked(*words)
     folder = file.parent / "simulated" / file.stem
     invoked("analyse", str(folder), "--processes", "1")
     return folder

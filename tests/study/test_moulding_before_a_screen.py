@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.sessions import STUDIES, opened
+from tests.study.simulated_study import quick_targets
 from visavis.cli.app import app
 from visavis.cli.recorded_trial import recorded_trial
 from visavis.devices.registry import OPTION_MODELS
@@ -295,7 +296,8 @@ def test_a_study_is_planned_simulated_and_analysed_before_a_monitor(
         assert done.exit_code == 0, done.output
 
     command("plan", file)
-    command("simulate", file, "--participants", "5", "--processes", "1", "--output", "out")
+    with quick_targets():
+        command("simulate", file, "--participants", "5", "--processes", "1", "--output", "out")
     command("analyse", "out/simulated/moulding_lab", "--processes", "1")
     trials = pd.read_csv(next(tmp_path.rglob("trials.csv")))
     mean = trials.groupby("mood")["activeness"].mean()

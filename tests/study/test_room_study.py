@@ -8,7 +8,7 @@ import pytest
 
 from tests.sessions import request_in
 from tests.stimuli.glb_room import ROOM, Box, write_room
-from tests.study.simulated_study import invoked
+from tests.study.simulated_study import invoked, quick_targets
 from visavis.cli.redraw import redraw
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DataError, DesignError
@@ -144,7 +144,8 @@ def test_a_study_in_a_room_goes_from_plan_to_report(tmp_path, monkeypatch, displ
     invoked("init", *display)
     written(tmp_path)
     assert "somebody" in invoked("plan", "rooms.py")
-    invoked("simulate", "rooms.py", "--participants", "4", "--output", "out", "--processes=1")
+    with quick_targets():
+        invoked("simulate", "rooms.py", "--participants", "4", "--output", "out", "--processes=1")
     folder = tmp_path / "out" / "simulated" / "rooms"
     invoked("analyse", str(folder), "--processes=1")
     rows = pd.read_csv(folder / "derived" / "trials.csv").query("status == 'complete'")

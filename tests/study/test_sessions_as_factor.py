@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-import visavis.running.sessions.simulation
+from tests.study.simulated_study import invoked, quick_targets
 from visavis.cli.main import app
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import DesignError, SessionAborted, UsageError
@@ -57,8 +57,8 @@ def file(tmp_path_factory):
 @pytest.fixture(scope="module")
 def folder(file):
     words = ["simulate", str(file), "--participants", "6", "--output", str(file.parent / "out")]
-    result = CliRunner().invoke(app, [*words, "--processes", "1"])
-    assert result.exit_code == 0, result.output
+    with quick_targets():
+        invoked(*words, "--processes", "1")
     return file.parent / "out" / "simulated" / "visits"
 
 
@@ -164,20 +164,18 @@ def killed_once(study, *words, **keywords):
     return replace(request, on_trial=on_trial) if killed else request
 
 
-def test_the_ready_study_goes_from_plan_to_report_and_on_after_a_kill(tmp_path, monkeypatch):
+def test_the_ready_study_goes_from_plan_to_report_and_on_after_a_kill(tmp_path):
     write_examples(tmp_path)
     study = str(tmp_path / "before_after.py")
     planned = CliRunner().invoke(app, ["plan", study, "--session", "2"])
     assert planned.exit_code == 0, planned.output
     words = ["simulate", study, "--participants", "6", "--output", str(tmp_path), "--processes=1"]
     words += ["--set", "repetitions=1", "--set", "scene_s=0.5"]
-    with monkeypatch.context() as patch:
-        patch.setattr(visavis.running.sessions.simulation, "simulated_request", killed_once)
+    with quick_targets(killed_once):
         stopped = CliRunner().invoke(app, words)
     assert isinstance(stopped.exception, SessionAborted)
-    resumed = CliRunner().invoke(app, words)
-    assert resumed.exit_code == 0, resumed.output
-    assert "1 were interrupted; their rest is simulated" in resumed.output
+    with quick_targets():
+        assert "1 were interrupted; their rest is simulated" in invoked(*words)
     folder = tmp_path / "simulated" / "before_after"
     assert 2 == len(read_manifest(folder / "sub-S02C" / "ses-002").parts)
     analysed(folder)
