@@ -29,6 +29,8 @@ EYES_TO_EARS_M = np.array([0.0, 0.0, 0.09])
 MAX_LATE_S = HEAD_RADIUS_M / SOUND_M_S * (1 + np.pi / 2)
 """The longest delay of the farther ear after the nearer one."""
 Samples = npt.NDArray[np.float32]
+Places = npt.NDArray[np.int64]
+Values = npt.NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -45,9 +47,9 @@ class Voice:
     loops: bool
     next_sample: int = 0
     ends: bool = False
-    late: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
-    loud: npt.NDArray[np.float64] | None = None
-    memory: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((2, 1)))
+    late: Values = field(default_factory=lambda: np.zeros(2))
+    loud: Values | None = None
+    memory: Values = field(default_factory=lambda: np.zeros((2, 1)))
 
 
 class Mixer:
@@ -62,6 +64,8 @@ class Mixer:
 
     def block(self, n: int) -> tuple[Samples, list[tuple[Voice, int]]]:
         """Return the next n samples (n, 2), and the sounds that ended, each with a sample index."""
+        if not self.voices:  # as most of the time
+            return np.zeros((n, 2), np.float32), []
         mix = np.zeros((n, 2))
         over: list[tuple[Voice, int]] = []
         for voice in self.voices:
@@ -78,11 +82,12 @@ class Mixer:
     def _tail(self, voice: Voice) -> int:
         return 0 if voice.at_m is None else int(np.ceil(MAX_LATE_S * self.rate_hz)) + 1
 
-    def _of(self, voice: Voice, n: int) -> npt.NDArray[np.float64]:
+    def _of(self, voice: Voice, n: int) -> Values:
         if voice.at_m is None:
-            late, loud = np.zeros(2), np.ones(2)
+            to, late, loud = None, np.zeros(2), np.ones(2)
         else:
-            late, loud = self._heard_at(voice.at_m)
+            far_m, to = self._to(voice.at_m)
+            late, loud = self._heard_from(far_m, to)
         loud = loud * voice.gain
         before_late, before_loud = voice.late, voice.loud
         if before_loud is None:
@@ -91,13 +96,13 @@ class Mixer:
         ramp = np.arange(1, n + 1)[:, None] / n
         at = voice.next_sample + np.arange(n)[:, None] - (before_late + (late - before_late) * ramp)
         out = self._read(voice, at) * (before_loud + (target - before_loud) * ramp)
-        if voice.at_m is not None:
-            for ear, (b, a) in enumerate(self._shadows(voice.at_m)):
+        if to is not None:
+            for ear, (b, a) in enumerate(self._shadows(to)):
                 out[:, ear], voice.memory[ear] = lfilter(b, a, out[:, ear], zi=voice.memory[ear])
         voice.late, voice.loud, voice.next_sample = late, target, voice.next_sample + n
         return out
 
-    def _read(self, voice: Voice, at: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def _read(self, voice: Voice, at: Values) -> Values:
         """Return the sound at fractional sample positions (n, 2); silence before and after it."""
         samples = voice.samples
         count = len(samples)
@@ -107,7 +112,7 @@ class Mixer:
         if voice.at_m is not None and samples.shape[1] == 2:
             samples, channel = samples.mean(axis=1, keepdims=True), np.zeros(2, np.int64)
 
-        def value(index: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        def value(index: Places) -> Values:
             if voice.loops:
                 here = samples[index % count, channel]
                 return np.where(index >= 0, here, 0.0)
@@ -126,20 +131,18 @@ class Mixer:
         far_m = float(np.linalg.norm(way))
         return far_m, way / far_m if far_m > 1e-6 else np.array([0.0, 0.0, -1.0])
 
-    def _heard_at(self, at_m: Vector) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    def _heard_from(self, far_m: float, to: Vector) -> tuple[Values, Values]:
         """Return each ear's delay after the nearer one, in samples, and its gain."""
-        far_m, to = self._to(at_m)
         late_s = ear_delays_s(to)
         loud = np.full(2, 1.0 / max(far_m, NEAREST_M))
         return (late_s - late_s.min()) * self.rate_hz, loud
 
-    def _shadows(self, at_m: Vector) -> Iterator[tuple[Vector, Vector]]:
-        _, to = self._to(at_m)
+    def _shadows(self, to: Vector) -> Iterator[tuple[Vector, Vector]]:
         for cosine in EARS @ to:
             yield head_shadow(float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))), self.rate_hz)
 
 
-def ear_delays_s(to: Vector) -> npt.NDArray[np.float64]:
+def ear_delays_s(to: Vector) -> Values:
     """Return the arrival times (2,), s, of a far sound from a direction (3,) at both ears.
 
     They are relative to the middle of the head, left ear first (Woodworth).
@@ -148,7 +151,7 @@ def ear_delays_s(to: Vector) -> npt.NDArray[np.float64]:
     radius_s = HEAD_RADIUS_M / SOUND_M_S
     direct = -radius_s * np.cos(angle)
     round_head = radius_s * (angle - np.pi / 2)
-    late_s: npt.NDArray[np.float64] = np.where(angle < np.pi / 2, direct, round_head)
+    late_s: Values = np.where(angle < np.pi / 2, direct, round_head)
     return late_s
 
 

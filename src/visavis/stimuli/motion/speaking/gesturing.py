@@ -188,21 +188,23 @@ def _write_phrase(
     bow: Vector,
     build: Vector,
 ) -> None:
-    """Write one arm (n, 18) for the time of a phrase and for what follows it."""
+    """Write one arm (n, 18) for the time of a phrase and for what follows it; `t_s` rises."""
     reach_m = build[p.B_UPPER_ARM] + build[p.B_FOREARM]
     lexeme = LEXEMES[phrase.lexeme]
     (begin_s, end_s), (before, after) = span_s, rests
-    arm[t_s >= end_s] = after
+    edges_s = (begin_s, phrase.stroke_s, phrase.stroke_end_s, phrase.hold_end_s, end_s)
+    begin, stroke, hold, retraction, end = np.searchsorted(t_s, edges_s).tolist()
+    arm[end:] = after
 
     # Preparation: from rest to the stroke's start, round the belly.
-    rows = (t_s >= begin_s) & (t_s < phrase.stroke_s)
+    rows = slice(begin, stroke)
     e = _ease((t_s[rows] - begin_s) / (phrase.stroke_s - begin_s))[:, None]
     way = (1.0 - e) * before + e * first
     way[:, _PLACE] += 4.0 * e * (1.0 - e) * np.array([0.0, 0.0, CLEAR * reach_m])
     arm[rows] = way
 
     # Strokes: all but the last come back; the hold stays at the end.
-    rows = (t_s >= phrase.stroke_s) & (t_s < phrase.stroke_end_s)
+    rows = slice(stroke, hold)
     place = (t_s[rows] - phrase.stroke_s) / (phrase.stroke_end_s - phrase.stroke_s)
     turn = place * phrase.strokes
     number = np.minimum(np.floor(turn), phrase.strokes - 1)
@@ -216,11 +218,11 @@ def _write_phrase(
     way[:, _PLACE] += 4.0 * e * (1.0 - e) * bow
     way[:, _PLACE] += reach_m * swing[:, None] * np.array(lexeme.shake)
     arm[rows] = way
-    arm[(t_s >= phrase.stroke_end_s) & (t_s < phrase.hold_end_s)] = last
+    arm[hold:retraction] = last
 
     # Retraction.
-    rows = (t_s >= phrase.hold_end_s) & (t_s < end_s)
-    if rows.any():
+    if retraction < end:
+        rows = slice(retraction, end)
         e = _ease((t_s[rows] - phrase.hold_end_s) / (end_s - phrase.hold_end_s))[:, None]
         way = (1.0 - e) * last + e * after
         way[:, _PLACE] += 4.0 * e * (1.0 - e) * np.array([0.0, 0.0, CLEAR * reach_m])

@@ -198,11 +198,16 @@ def _course(
     values = np.zeros(len(t_s))
     at = 0.0
     for start, extreme, end, target in zip(starts_s, extremes_s, ends_s, to, strict=True):
-        share = np.clip((t_s - start) / (extreme - start), 0.0, 1.0)
-        back = np.clip((t_s - extreme) / max(end - extreme, 0.3), 0.0, 1.0)
+        returns_s = max(end - extreme, 0.3)
+        # Before and after both ways nothing changes any more.
+        first, past = np.searchsorted(t_s, (start, extreme + returns_s))
+        share = np.clip((t_s[first:past] - start) / (extreme - start), 0.0, 1.0)
+        back = np.clip((t_s[first:past] - extreme) / returns_s, 0.0, 1.0)
         rest = target - BACK_01 * (target - at)
-        values += (target - at) * share**3 * (10.0 + share * (6.0 * share - 15.0))
-        values += (rest - target) * back**2 * (3.0 - 2.0 * back)
+        values[first:past] += (target - at) * share**3 * (10.0 + share * (6.0 * share - 15.0))
+        values[first:past] += (rest - target) * back**2 * (3.0 - 2.0 * back)
+        values[past:] += target - at
+        values[past:] += rest - target
         at = rest
     return values
 
