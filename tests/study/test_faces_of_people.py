@@ -54,14 +54,14 @@ def test_who_has_shapes_of_their_own_for_a_frown_frowns_by_these():
     fine, *others = anna.levels
     frowning = replace(fine, morphs={**fine.morphs, "frown": fine.morphs["smile"]})
     face = Face("frown", 0.5)
-    weights = {
+    rows = {
         by: face_of(replace(anna, levels=(mesh, *others)), face).weights(0.0)
         for by, mesh in (("smile", fine), ("frown", frowning))
     }
-    worn = {
-        by: {k: w for k, w in zip(MORPHS, row, strict=True) if w} for by, row in weights.items()
+    weights = {
+        by: {k: w for k, w in zip(MORPHS, row, strict=True) if w} for by, row in rows.items()
     }
-    assert {"smile": {"smile": -0.3}, "frown": {"frown": 0.5}} == worn
+    assert {"smile": {"smile": -0.3}, "frown": {"frown": 0.5}} == weights
     assert {None} == {
         shape_lacking(anna, "frown"),
         shape_lacking(replace(anna, levels=(replace(fine, morphs={"frown": None}),)), "frown"),
