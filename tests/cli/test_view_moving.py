@@ -35,6 +35,7 @@ def trial(t):
     yield t.show(Video("film.mp4", width_deg=20, at_deg=(15, 0)), 0.5, name="cut")
     yield t.show(Dots(0.5, 90, seed=3), 0.4, name="dots")
     yield t.show(Panorama("lake.mp4"), 0.6, name="lake")
+    yield t.show(Panorama("lake.mp4"), 0.3, name="lake_again")
 """
 ROUNDED_NS = 1000
 """Seconds of a page are whole microseconds."""
@@ -125,6 +126,14 @@ def test_a_film_all_around_goes_on(page: Page) -> None:
     expected = [_ahead(one.surround.eyes[0]) for one in page.pictures_anew("lake")]
     assert expected == [_ahead(one) for one in page.pictures(moving)]
     assert len(set(expected)) > 3
+
+
+def test_a_film_all_around_is_kept_once_however_often_it_is_shown(page: Page) -> None:
+    places = [
+        {ref["o"] for ref in page.scene(name)["flat"]["around"]["moving"]["files"]}
+        for name in ("lake", "lake_again")
+    ]
+    assert set() < places[1] < places[0]
 
 
 def _ahead(pixels: np.ndarray[Any, Any]) -> int:

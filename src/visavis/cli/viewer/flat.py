@@ -25,6 +25,7 @@ from visavis.stimuli.areas import (
     read_areas_text,
 )
 from visavis.stimuli.dressing.flat import first_sheets, monitor_of
+from visavis.stimuli.film_file import FilmReader
 from visavis.stimuli.painted_outlines import painted_outlines
 from visavis.stimuli.picture import Picture, Sheet
 from visavis.stimuli.room_areas import RoomAreas
@@ -140,7 +141,8 @@ def flat_content(
         sheet = _sheet(_cut(whole, box), models)
         if whole.course is not None:
             course = [picture.sheets[number].pixels for picture in pictures]
-            sheet["moving"] = moving_content(course, whole.course, models, bundle, box)
+            is_film = isinstance(whole.course, FilmReader)
+            sheet["moving"] = moving_content(course, models, bundle, is_film=is_film, box=box)
         sheets.append(sheet)
     content: dict[str, Any] = {
         "sheets": sheets,
@@ -158,7 +160,7 @@ def flat_content(
         around = {"picture": number, "turns": _course(bundle, turns)}
         if first.surround.course is not None:
             course = [p.surround.eyes[0] for p in pictures if p.surround is not None]
-            around["moving"] = moving_content(course, first.surround.course, models, bundle)
+            around["moving"] = moving_content(course, models, bundle, is_film=True)
         content["around"] = around
     return content
 

@@ -10,7 +10,6 @@ from PIL import Image
 
 from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.models import Models, webp
-from visavis.stimuli.film_file import FilmReader
 from visavis.stimuli.picture import Picture
 
 MOVING_SIDE_PX: Final = 320
@@ -43,14 +42,18 @@ def with_small_pictures(picture: Picture) -> Picture:
 
 
 def moving_content(
-    pixels: Sequence[Pixels], course: object, models: Models, bundle: Bundle, box: Box | None = None
+    pixels: Sequence[Pixels],
+    models: Models,
+    bundle: Bundle,
+    *,
+    is_film: bool,
+    box: Box | None = None,
 ) -> Mapping[str, Any]:
     """Return what a page says of what moves, by its pixels at each sample: files of its pictures,
     each once, and which of them a sample shows. Those of a film are the page's, as other trials
     show them, too; those of dots are the trial's own. With a box, that part of them alone.
     """
-    is_shared = isinstance(course, FilmReader)
-    add = models.picture_file if is_shared else bundle.add_bytes
+    add = models.picture_file if is_film else bundle.add_bytes
     numbers: dict[bytes, int] = {}
     files, sequence = list[dict[str, Any]](), list[int]()
     for one in pixels:
@@ -59,10 +62,10 @@ def moving_content(
             numbers[key] = len(files)
             # Few colours with sharp edges are smallest, and soonest packed, as they are.
             image = _part_of(one, box)
-            how = {"quality": QUALITY} if is_shared else {"lossless": True}
+            how = {"quality": QUALITY} if is_film else {"lossless": True}
             files.append(add(webp(image, method=METHOD, **how)))
         sequence.append(numbers[key])
-    return {"files": files, "at": bundle.add(np.array(sequence, np.int32)), "isShared": is_shared}
+    return {"files": files, "at": bundle.add(np.array(sequence, np.int32)), "isShared": is_film}
 
 
 def _part_of(pixels: Pixels, box: Box | None) -> Image.Image:
