@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.stimuli.glb_figure import write_glb
+from visavis.cli.film.stand_in import RESTING_JOINTS, resting_joints, somebody_else
 from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import parse_config
 from visavis.lab.config_files import EXAMPLE
@@ -104,6 +105,13 @@ def test_who_has_no_gaze_stands_by_and_is_drawn(name, options, has_gaze):
 def test_a_scene_refuses_who_cannot_do_what_it_asks(name, options, says):
     with pytest.raises(DesignError, match=says):
         frame_of(name, **options)
+
+
+def test_somebody_stands_in_for_the_participant_whoever_is_cast(library):
+    use_cast(members_of(["anna", "mascot"], library, library), library)
+    picture = picture_of(frame_of("person", character="mascot", eyes="none"))
+    assert "male" == somebody_else(picture).gender
+    assert resting_joints(1.2).keys() == set(RESTING_JOINTS)
 
 
 def test_a_session_does_not_say_where_somebody_without_gaze_looks(library, tmp_path):

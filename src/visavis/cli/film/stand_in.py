@@ -1,5 +1,6 @@
 """Somebody who stands or sits where the participant did, so that films from outside show them."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -12,9 +13,10 @@ from visavis.lab.geometry import Pose, Vector, quat_conjugate, quat_multiply, ya
 from visavis.lab.geometry import rotate as turned
 from visavis.protocol.plan.shown_scene import of_part
 from visavis.stage.own_body import OwnBody
+from visavis.stimuli.characters.cast import load_cast
 from visavis.stimuli.characters.character import MORPHS, Character
 from visavis.stimuli.characters.sizing import MIN_M, TALLEST_M, scale_to_stature
-from visavis.stimuli.dressing.casting import build_of, default_casting
+from visavis.stimuli.dressing.casting import build_of, default_casting, numbered_people
 from visavis.stimuli.gaze.turning import Aimed
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.kinds import MAX_SEAT_M, MIN_SEAT_M, Idle, Sit
@@ -132,8 +134,7 @@ def resting_joints(eye_height_m: float, posture: Posture | None = None) -> dict[
     """
     head = Pose(np.array([0.0, eye_height_m, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
     posture = posture or posture_of(eye_height_m)
-    character = default_casting(PARTS_TRIED[0])
-    character, person = (_seated if posture == "seated" else _standing)(character, head)
+    character, person = (_seated if posture == "seated" else _standing)(next(_tried()), head)
     pose = PeopleMotion((person,)).at(0.0)
     skeleton = character.skeleton
     joints = forward(skeleton, pose.root_m[0], pose.orientation_wxyz[0])
@@ -180,6 +181,12 @@ def _seated(character: Character, head: Pose) -> tuple[Character, Person]:
 def somebody_else(picture: Picture) -> Character:
     """Return a character who plays no other part in a picture."""
     playing = {character.name for character in picture.cast}
-    candidates = (default_casting(part) for part in PARTS_TRIED)
-    first = default_casting(PARTS_TRIED[0])
-    return next((c for c in candidates if c.name not in playing), first)
+    return next((c for c in _tried() if c.name not in playing), next(_tried()))
+
+
+def _tried() -> Iterator[Character]:
+    """Yield who may stand in: men of the cast; where it has none, who come with Visavis."""
+    if numbered_people("male"):
+        yield from (default_casting(part) for part in PARTS_TRIED)
+    else:
+        yield from (person for person in reversed(load_cast()) if person.gender == "male")

@@ -124,7 +124,7 @@ def default_casting(part: str) -> Character:
             "male_01 and so on; people you imported are of it once `cast` in lab_config.yaml names "
             "them"
         )
-    candidates = [c for c in _people() if c.gender == gender and c.has_gaze]
+    candidates = numbered_people(gender)
     if not candidates:
         error = f"the cast in lab_config.yaml has no {gender} person to play {part}; add one"
         if bystanders := ", ".join(c.name for c in _people() if not c.has_gaze):
@@ -132,6 +132,11 @@ def default_casting(part: str) -> Character:
         raise DesignError(error)
     outfit, who = divmod(int(number) - 1, len(candidates))
     return in_other_clothes(candidates[who], outfit)
+
+
+def numbered_people(gender: str) -> tuple[Character, ...]:
+    """Return the women or men ("female", "male") of the active cast who play numbered parts."""
+    return tuple(c for c in _people() if c.gender == gender and c.has_gaze)
 
 
 def _number_name(name: str) -> str:
