@@ -119,6 +119,24 @@ def test_figures_without_gaze_play_under_their_names_alone(tmp_path: Path, masco
         default_casting("robot")
 
 
+@pytest.mark.parametrize("taken", ["anna", "female_01", "male_1"])
+def test_a_figure_whose_name_scenes_take_for_somebody_else_is_refused(
+    tmp_path: Path, taken: str
+) -> None:
+    write_glb(tmp_path / f"{taken}.glb", **UNTURNABLE["on discs"])
+    (result,) = import_characters(tmp_path / f"{taken}.glb", tmp_path / "library", gaze=False)
+    assert f"another name, such as own_{taken}.glb" in result.problem
+    assert not (tmp_path / "library").exists()
+
+
+def test_somebody_of_the_cast_comes_back_under_the_name_of_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "sister.glb"
+    path.write_bytes(glb_of_character(load_character("anna"), level=2))
+    (result,) = import_characters(path, tmp_path / "library")
+    assert result.character is not None
+    assert "sister" == result.character.name
+
+
 def test_who_has_no_gaze_looks_nowhere_and_is_never_made_to() -> None:
     m, close = 11, 3
     scene = audience_scene([f"c{i}" for i in range(m)])

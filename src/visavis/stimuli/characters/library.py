@@ -1,5 +1,6 @@
 """A lab's own characters: a folder of imported ones."""
 
+import re
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -8,14 +9,19 @@ from fnmatch import fnmatch
 from functools import partial
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
+from typing import Final
 
 from visavis.lab.plain_files import unpacked
+from visavis.stimuli.characters.cast import cast_names
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.characters.errors import CharacterError
 from visavis.stimuli.characters.fbx import as_glb
 from visavis.stimuli.characters.gltf import Gender, import_gltf
 from visavis.stimuli.characters.sizing import scale_to_stature
 from visavis.stimuli.characters.storage import FIGURE_FILES, write_character
+
+NUMBERED: Final = re.compile(r"(female|male)_0*[1-9]\d*")
+"""Names of parts that a cast's women and men play by turns."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +109,7 @@ def import_characters(
             character, odd = _import_file(file, gender, joint_map, gaze=gaze)
             if stature_m is not None:
                 character = scale_to_stature(character, stature_m)
+            character = replace(character, name=_own_name(character.name, file))
         except CharacterError as error:
             yield Imported(file, None, None, str(error))
             continue
@@ -110,6 +117,21 @@ def import_characters(
         path = library / f"{character.name}.npz"
         write_character(character, path)
         yield Imported(file, character, path, odd=odd)
+
+
+def _own_name(name: str, file: Path) -> str:
+    """Return the name in a file, or of it, by which scenes take nobody else.
+
+    Raises:
+        CharacterError: others are called both.
+    """
+    for own in (name, file.stem):
+        if own not in cast_names() and not NUMBERED.fullmatch(own):
+            return own
+    raise CharacterError(
+        f"{file}: scenes would take {name!r} for somebody of the cast; give the file another name, "
+        f"such as own_{file.name}"
+    )
 
 
 def _import_file(
