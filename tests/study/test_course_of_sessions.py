@@ -327,7 +327,7 @@ def test_a_course_is_also_changed_by_a_function_that_the_trial_calls(tmp_path: P
         ("practice=3, ", "", "practice_until needs practice trials"),
         ("min_01=1.0", "min_01=80", "a share above 0"),
         ("max_rounds=4", "max_rounds=0", "1 or more"),
-        ('Criterion("answer_is_right", min_01=1.0, max_rounds=4)', "1", "write practice_until"),
+        ('Criterion("answer_is_right", min_01=1.0, max_rounds=4)', "1", "it takes Criterion"),
     ],
 )
 def test_a_criterion_that_nobody_can_reach_is_refused(

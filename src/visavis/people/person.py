@@ -629,10 +629,11 @@ class StudyPerson(Observer):
         return outcome.moves, moulding.is_blind
 
     def _take_in(self, view: SceneFrame, t_ns: int) -> None:
-        n = len(view.scene.agents)
         if self._last is None or view.scene is not self._last.scene:
             self._first, self._first_ns = view, t_ns
-            self._contact_ns, self._contact = np.zeros(n), np.zeros(n, np.bool_)
+            # Of who has no gaze nothing is known, however long they are there.
+            self._contact_ns = np.array([0.0 if a.has_gaze else np.nan for a in view.scene.agents])
+            self._contact = np.zeros(len(view.scene.agents), np.bool_)
             if self._search is not None:
                 self._hand.press_no_more([self._search.option])
                 self._search = None
@@ -655,13 +656,11 @@ class StudyPerson(Observer):
 
     def _impressions(self) -> Seen:
         elapsed_ns = max(self._last_ns - self._first_ns, 1)
-        agents = () if self._last is None else self._last.scene.agents
-        has_gaze = np.array([agent.has_gaze for agent in agents], np.bool_)
         return Seen(
             self._first,
             self._last,
             elapsed_ns / NS_PER_S,
-            np.where(has_gaze, self._contact_ns / elapsed_ns, np.nan),
+            self._contact_ns / elapsed_ns,
             self.notices_contact,
             self._leaning,
             tuple(self._vibrating_roles),

@@ -3,9 +3,11 @@ values of another kind.
 """
 
 import inspect
+from collections import abc
 from collections.abc import Callable, Iterable, Mapping
 from numbers import Integral, Real
-from typing import Any, Final
+from types import NoneType, UnionType
+from typing import Any, Final, ForwardRef, Literal, Union, get_args, get_origin
 
 from visavis.lab.yaml_lines import did_you_mean, names_or_none
 
@@ -36,6 +38,50 @@ KINDS: Final[Mapping[str, tuple[str, Callable[[object], bool]]]] = {
     "None": ("", lambda v: v is None),
 }
 """By annotation: what an argument takes, and whether a value is that."""
+
+
+def is_of_kind(value: object, hint: Any) -> bool:
+    """Tell whether a value is of the kind of an annotation; what functions take and return is not
+    looked at.
+    """
+    origin, arguments = get_origin(hint), get_args(hint)
+    if hint is Any or isinstance(hint, str | ForwardRef):
+        return True
+    if origin in (Union, UnionType):
+        return any(is_of_kind(value, one) for one in arguments)
+    if origin is Literal:
+        return any(type(value) is type(one) and value == one for one in arguments)
+    if origin is abc.Callable:
+        return callable(value)
+    if origin is abc.Mapping:
+        if not isinstance(value, abc.Mapping):
+            return False
+        return all(is_of_kind(one, arguments[1]) for one in value.values())
+    if origin in (abc.Sequence, abc.Collection):
+        if isinstance(value, str | abc.Mapping) or not isinstance(value, abc.Collection):
+            return False
+        return all(is_of_kind(one, arguments[0]) for one in value)
+    known = KINDS.get(inspect.formatannotation(hint))
+    return known[1](value) if known is not None else isinstance(value, hint)
+
+
+def words_of_kind(hint: Any) -> str:
+    """Return in words what an annotation takes."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return " or ".join(words_of_kind(one) for one in arguments if one is not NoneType)
+    if origin is Literal:
+        return " or ".join(map(repr, arguments))
+    if origin in (abc.Sequence, abc.Collection) and get_origin(arguments[0]) is Literal:
+        return f"a list of {words_of_kind(arguments[0])}"
+    words = {
+        abc.Callable: "a function",
+        abc.Mapping: "names with what belongs to each: {…: …}",
+        abc.Sequence: "a list",
+        abc.Collection: "a list",
+    }
+    known = KINDS.get(inspect.formatannotation(hint))
+    return words.get(origin) or (known[0] if known is not None else f"{hint.__name__}(…)")
 
 
 def new_name(name: str, possible: Iterable[str]) -> str:

@@ -21,6 +21,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.parts import missing_attribute, part_of, parts_from, takes_keywords_of
 from visavis.protocol.plan.design import Design, Factor
 from visavis.protocol.plan.parameters import parameters_from
+from visavis.study.arguments import is_of_kind, words_of_kind
 from visavis.study.items import order_rules
 from visavis.study.parts import (
     KINDS,
@@ -144,17 +145,20 @@ class Study:
         base: "Study | None" = None,
         **keywords: Any,
     ) -> None:
-        self.name, self.question, self.version = name, question, version
-        self.base = base
+        own = {"name": name, "title": title, "question": question, "version": version}
+        problems = [p for k, value in {**own, **keywords}.items() for p in _other_kind(k, value)]
+        other: Any = base
+        if other is not None and not isinstance(other, Study):
+            problems.append(f"base is {other!r}; it takes a Study")
+        if problems:  # what follows reads them
+            raise DesignError(f"study {name}: {'; '.join(problems)}")
+        self.name, self.question, self.version, self.base = name, question, version, base
         self.title = title or name.replace("_", " ").capitalize()
         for part, value in parts_from(PARTS, keywords).items():
             setattr(self, part, value)
-        problems = [p for keyword, value in keywords.items() for p in _no_list(keyword, value)]
-        if problems:  # what follows reads the lists
-            raise DesignError(f"study {name}: {'; '.join(problems)}")
         if not name.isidentifier() or not name.islower():
             problems.append(f"the name {name!r} is not made of small letters, digits and _")
-        problems += [*self.design.problems(), *self.procedure.problems()]
+        problems += self.design.problems()
         if problems:
             raise DesignError(f"study {name}: {'; '.join(problems)}")
 
@@ -360,6 +364,18 @@ class Study:
                 return factor
         names = ", ".join(f.name for f in self.design.factors)
         raise DesignError(f"study {self.name} has no factor {name!r}; it has {names}")
+
+
+_HINTS: Final = {f.name: f.type for f in fields(_Keywords)}
+
+
+def _other_kind(keyword: str, value: Any) -> Iterator[str]:
+    """Yield what is wrong with a keyword that got a value of another kind than it takes."""
+    problems = list(_no_list(keyword, value))
+    yield from problems
+    hint = _HINTS[keyword]
+    if not problems and not is_of_kind(value, hint):
+        yield f"{keyword} is {value!r}; it takes {words_of_kind(hint)}"
 
 
 def _no_list(keyword: str, value: Any) -> Iterator[str]:

@@ -186,12 +186,9 @@ class StudyDesign:
         ]
 
     def _practice_problems(self) -> list[str]:
-        until: Any = self.practice_until
-        if until is None:
+        if self.practice_until is None or self.practice:
             return []
-        if not isinstance(until, Criterion):
-            return [f'practice_until is {until!r}; write practice_until=Criterion("…_is_right")']
-        return [] if self.practice else ["practice_until needs practice trials: practice=6"]
+        return ["practice_until needs practice trials: practice=6"]
 
     def _session_problems(self) -> list[str]:
         problems = list(impossible_levels(SESSION, self.sessions))
@@ -252,35 +249,9 @@ class Procedure:
     returning: Returning = field(default_factory=Returning)
     """How old a visit to a page may be that somebody comes back to, and where it goes on."""
 
-    def problems(self) -> list[str]:
-        """Say what is wrong with it."""
-        wrong_reading = [f'instructions is {self.instructions!r}; it is "read" or "read out"']
-        wrong_xr = [f"xr is {self.xr!r}; it is {', '.join(get_args(Xr))}"]
-        wrong_posture = [f"posture is {self.posture!r}; it is seated or standing"]
-        return [
-            *(wrong_posture if self.posture not in (None, *get_args(Posture)) else ()),
-            *(wrong_xr if self.xr not in get_args(Xr) else ()),
-            *(wrong_reading if self.instructions not in get_args(Instructions) else ()),
-            *self._screening_problems(),
-            *self._returning_problems(),
-        ]
-
     def shown_group(self, group: str) -> str:
         """Return what operators read for a person's group."""
         return "hidden" if self.blind and group else group
-
-    def _returning_problems(self) -> list[str]:
-        value: Any = self.returning
-        if isinstance(value, Returning):
-            return []
-        return [f"returning is {value!r}; write returning=Returning(within_h=24)"]
-
-    def _screening_problems(self) -> list[str]:
-        return [
-            f"screening knows no {n!r}; it knows {', '.join(get_args(Screening))}"
-            for n in self.screening
-            if n not in get_args(Screening)
-        ]
 
 
 @dataclass(frozen=True, kw_only=True)

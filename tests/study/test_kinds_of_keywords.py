@@ -1,0 +1,76 @@
+"""What a study's keywords take, and what is said of a value of another kind."""
+
+import itertools
+from dataclasses import fields
+from typing import Any
+
+import pytest
+
+from visavis import Criterion, Factor, Study
+from visavis.lab.errors import DesignError
+from visavis.study.arguments import is_of_kind, words_of_kind
+from visavis.study.declaration import PARTS
+
+HINTS = {f.name: f.type for part in PARTS.values() for f in fields(part)}
+VALUES = ("x", 3, 1.5, None, True, [3], {"a": 3}, object())
+FACTORS = [Factor("side", ["left", "right"])]
+OTHERS = [
+    (keyword, value)
+    for keyword, value in itertools.product(HINTS, VALUES)
+    if not is_of_kind(value, HINTS[keyword])
+]
+
+
+def keywords_of(keyword: str, value: Any) -> dict[str, Any]:
+    return {"factors": FACTORS, keyword: value}
+
+
+@pytest.mark.parametrize(("keyword", "value"), OTHERS)
+def test_a_value_of_another_kind_is_refused_by_the_keywords_name(keyword: str, value: Any) -> None:
+    with pytest.raises(DesignError, match=f"study kinds: .*{keyword} (is|holds) .*"):
+        Study("kinds", **keywords_of(keyword, value))
+
+
+def test_most_values_are_of_another_kind() -> None:
+    assert len(HINTS) * len(VALUES) / 2 < len(OTHERS)
+
+
+@pytest.mark.parametrize(
+    ("keyword", "value", "says"),
+    [
+        ("repetitions", 1.5, "repetitions is 1.5; it takes a whole number"),
+        ("order", "sorted", "order is 'sorted'; it takes 'fixed' or 'random' or"),
+        ("practice", [3], r"practice is \[3\]; it takes a whole number or a list"),
+        ("calibrate", "no", "calibrate is 'no'; it takes True or False"),
+        ("check_of", 3, "check_of is 3; it takes a function"),
+        ("questions", {"a": 3}, "questions is .*; it takes names with what belongs to each"),
+        ("returning", 24, r"returning is 24; it takes Returning\(…\)"),
+        ("xr", "often", "xr is 'often'; it takes 'never' or 'optional' or 'required'"),
+        ("days_between", (1, "x"), "days_between is .*; it takes two numbers"),
+        ("texts", {}, "texts is {}; it takes a text"),
+        ("title", 3, "title is 3; it takes a text"),
+        ("base", "stare", "base is 'stare'; it takes a Study"),
+        ("compare", None, "compare is None; it takes a list"),
+    ],
+)
+def test_it_says_what_the_keyword_takes(keyword: str, value: Any, says: str) -> None:
+    with pytest.raises(DesignError, match=says):
+        Study("kinds", **keywords_of(keyword, value))
+
+
+@pytest.mark.parametrize(
+    ("value", "hint", "expected"),
+    [
+        (Criterion("answer_is_right"), Criterion | None, True),
+        (None, Criterion | None, True),
+        (True, int, False),
+        (3, float, True),
+        ("read", HINTS["instructions"], True),
+        ((6, 8), HINTS["days_between"], True),
+        ({"a": 3}, HINTS["questions"], False),
+        (frozenset({"card"}), HINTS["screening"], True),
+    ],
+)
+def test_kinds(value: object, hint: Any, expected: bool) -> None:
+    assert expected is is_of_kind(value, hint)
+    assert words_of_kind(hint)
