@@ -71,7 +71,8 @@ def words_of_kind(hint: Any) -> str:
     if origin in (Union, UnionType):
         return " or ".join(words_of_kind(one) for one in arguments if one is not NoneType)
     if origin is Literal:
-        return " or ".join(map(repr, arguments))
+        *others, last = map(repr, arguments)
+        return f"{', '.join(others)} or {last}"
     if origin in (abc.Sequence, abc.Collection) and get_origin(arguments[0]) is Literal:
         return f"a list of {words_of_kind(arguments[0])}"
     words = {

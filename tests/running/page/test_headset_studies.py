@@ -163,5 +163,5 @@ def test_a_bundle_of_a_study_in_a_headset_is_refused_by_name_and_leaves_nothing(
 
 
 def test_another_word_for_xr_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DesignError, match="never, optional, required"):
+    with pytest.raises(DesignError, match="'never', 'optional' or 'required'"):
         study_in(tmp_path, IN_HEADSET.replace('"optional"', '"sometimes"'))
