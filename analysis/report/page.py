@@ -57,7 +57,7 @@ def render_page(page: Page) -> str:
     banner = ""
     if page.is_simulated:
         banner = (
-            f'<div class="banner" role="note">{escape(SIMULATED_BANNER)}</div>\n'
+            f'<aside class="banner">{escape(SIMULATED_BANNER)}</aside>\n'
             '<div class="watermark" aria-hidden="true">SIMULATED</div>\n'
         )
     links = "".join(
@@ -121,7 +121,7 @@ def _block(block: Block, open_rows: float = math.inf) -> str:
         case Photo():
             return _photo(block)
         case Code(lines):
-            return "<pre><code>" + escape("\n".join(lines)) + "</code></pre>"
+            return '<pre tabindex="0"><code>' + escape("\n".join(lines)) + "</code></pre>"
         case Fold(summary, blocks):
             inner = "\n".join(_block(b) for b in blocks)
             return f"<details><summary>{escape(summary)}</summary>\n{inner}\n</details>"
@@ -194,14 +194,17 @@ def _table(table: Table, *, is_open: bool) -> str:
 
 
 def _head(columns: tuple[Column, ...]) -> str:
-    names = "".join(f'<th scope="col" class="{c.align}">{escape(c.header)}</th>' for c in columns)
+    names = "".join(
+        f'<th scope="col" class="{c.align}">{escape(c.header)}</th>' if c.header else "<td></td>"
+        for c in columns
+    )
     if not any(c.group for c in columns):
         return f"<tr>{names}</tr>\n"
     groups = ""
     for group, members in groupby(columns, key=lambda c: c.group):
         span = len(tuple(members))
-        shape = ' class="group"' if group else ""
-        groups += f'<th colspan="{span}"{shape}>{escape(group)}</th>'
+        head = f'<th colspan="{span}" class="group">{escape(group)}</th>'
+        groups += head if group else f'<td colspan="{span}"></td>'
     return f"<tr>{groups}</tr>\n<tr>{names}</tr>\n"
 
 

@@ -19,6 +19,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.cli.viewer_tab import CHROMIUM, header_of, viewer_tab
+from tests.running.page.test_browser import faults_for_people
 from tests.sessions import opened, perform
 from visavis.analysis.gaze.aoi import LOST
 from visavis.analysis.gaze.looks import measure_trial
@@ -352,6 +353,12 @@ def test_every_canvas_has_a_name(tab: Any) -> None:
     names = "() => [...document.querySelectorAll('canvas')].map(c => c.getAttribute('aria-label'))"
     assert all(tab.evaluate(names))
     assert "T04" in tab.evaluate("document.querySelector('#overlay').getAttribute('aria-label')")
+
+
+def test_no_page_of_a_session_shuts_people_out(tab: Any) -> None:
+    size = tab.viewport_size
+    assert [] == faults_for_people(tab)
+    tab.set_viewport_size(size)
 
 
 def test_time_goes_on_as_fast_as_it_says_however_long_a_picture_takes(tab: Any) -> None:

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from tests.running.page.test_browser import faults_for_people
 from visavis.analysis.plots import draw, new_figure, svg_for_page
 from visavis.analysis.plots.figure_files import svg_text
 from visavis.analysis.plots.panels import ALL, left_out_lines, paired_lines
 from visavis.analysis.report.blocks import (
     Cell,
+    Code,
     Column,
     Facts,
     Fold,
@@ -45,6 +47,9 @@ def report(folder: Path, *, is_simulated: bool) -> str:
         Table(columns, rows, "Means by condition", "SD in brackets."),
         Picture(SVG.format(900), "Wide", "goes on", "a wide figure"),
         Picture(SVG.format(300), "Narrow", "fits", "a narrow figure"),
+        Code(
+            ("visavis simulate study.py --participants 20 --seed 1 --output data/dry_runs/study",)
+        ),
     )
     made = Page("A study", "?", Facts(()), is_simulated, (Section("one", "One", blocks),))
     return write_page(made, folder / "report.html").as_uri()
@@ -61,6 +66,13 @@ def test_nothing_of_a_report_is_cut_off(width: int, browser: Any, tmp_path: Path
     moves = wide.evaluate("place => place.scrollWidth > place.clientWidth")
     assert (width == 390) == moves
     assert wide.get_attribute("tabindex") == "0"  # which the keyboard can move, too
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_no_report_shuts_people_out(scheme: Any, browser: Any, tmp_path: Path) -> None:
+    page = browser.new_page(viewport={"width": 1280, "height": 800}, color_scheme=scheme)
+    page.goto(report(tmp_path, is_simulated=True))
+    assert [] == faults_for_people(page)
 
 
 def test_a_list_of_words_is_read_on_a_phone_without_moving_it(browser: Any, tmp_path: Path) -> None:

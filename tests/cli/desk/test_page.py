@@ -19,6 +19,7 @@ from tests.cli.desk.test_link import Glancing, seen
 from tests.cli.test_operator_screen import STATUS
 from tests.commands import COMMANDS, RunningCommand
 from tests.faults.sessions import lab
+from tests.running.page.test_browser import faults_for_people
 from visavis.cli.desk import server as desk_server
 from visavis.cli.desk.link import About, SessionLink
 from visavis.cli.desk.server import DeskServer
@@ -395,6 +396,14 @@ def test_everything_fits_at_every_width(
             "() => [...document.querySelectorAll('#session button')].map(b => b.offsetHeight)"
         )
         assert min(h for h in heights if h) >= 44  # a finger's width, WCAG 2.5.5
+
+
+def test_the_desk_shuts_nobody_out(address: str, browser: Any, tmp_path: Path) -> None:
+    with session(tmp_path) as link:
+        link.show(seen(True))
+        page = opened(browser, address)
+        shown(page, "#f-participant", "S07H")
+        assert [] == faults_for_people(page)
 
 
 def started(root: Path, *arguments: str) -> RunningCommand:
