@@ -355,6 +355,7 @@ def test_every_canvas_has_a_name(tab: Any) -> None:
     assert "T04" in tab.evaluate("document.querySelector('#overlay').getAttribute('aria-label')")
 
 
+@pytest.mark.slow  # axe-core
 def test_no_page_of_a_session_shuts_people_out(tab: Any) -> None:
     size = tab.viewport_size
     assert [] == faults_for_people(tab)
