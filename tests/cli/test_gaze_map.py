@@ -9,25 +9,42 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from tests.sessions import opened, perform
+from tests.sessions import opened, perform, request_in
 from visavis.analysis.gaze.maps import Grid
 from visavis.cli.app import app
 from visavis.cli.gaze_map import (
+    COARSE,
     TrialGaze,
+    _ends,
     difference_words,
     gaze_maps,
     maps_of_people,
     table_of_maps,
 )
+from visavis.cli.recorded_trial import recorded_trial
+from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
 from visavis.recording.cached import CachedRecording
 from visavis.recording.folder import study_dir
+from visavis.results.opened_study import find_study
 from visavis.running.scripts import open_study
+from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
+from visavis.stimuli.surfaces import Surfaces
 
+BRIEF = """
+from visavis import Choice, Factor, Scene, Study
+
+study = Study("brief", "S", factors=[Factor("who", ["anna"])], texts="texts", calibrate=False)
+
+@study.trial
+def trial(t):
+    yield t.show(Scene("person", character=t.who), seconds=1.0)
+    yield t.ask(Choice("looks", ["yes", "no"]))
+"""
 GRID = Grid(0.8, 0.5, 160, 100)
 
 
@@ -219,3 +236,17 @@ def test_each_picture_has_maps_of_its_own(
     names = {path.name for path in (tmp_path / "map").glob("*.csv")}
     assert {"gaze_map_by_place_desk.csv", "gaze_map_by_place_shelf.csv"} == names
     assert "desk: Not compared: there is one level." in result.output
+
+
+@pytest.mark.slow  # a session
+def test_gaze_in_the_dark_of_a_question_is_on_no_scene(tmp_path: Path) -> None:
+    (tmp_path / "brief.py").write_text(BRIEF, "utf-8")
+    (tmp_path / "texts").mkdir()
+    (tmp_path / "texts" / "en.yaml").write_text("instruction: Look.\n", "utf-8")
+    study = find_study(str(tmp_path / "brief.py"))
+    recording = CachedRecording(perform_new(request_in(tmp_path, study, EXAMPLE)))
+    row = recording.trials().iloc[0]
+    ends = _ends(study, recorded_trial(recording, str(row["trial_id"])), Surfaces(COARSE), "")
+    assert ends is not None
+    # Shown for a second, and thirty rays for each.
+    assert 0.6 < ends[2].sum() < 1.0 + 3 / 30 < (row["t_end_ns"] - row["t_start_ns"]) / 1e9

@@ -42,6 +42,7 @@ from visavis.lab.geometry import (
     yaw_pitch_deg_of,
 )
 from visavis.lab.yaml_lines import did_you_mean, names_or_none
+from visavis.protocol.plan.shown_scene import of_part
 from visavis.recording.cached import CachedRecording
 from visavis.recording.csv_file import write_csv
 from visavis.results.flat_again import read_items_text
@@ -340,8 +341,11 @@ def _ends(
     shown_at = pictures_of(study, trial)
     pieces = []
     step = (stamps[rows] - start_ns) // PICTURE_EVERY_NS
-    for k in np.unique(step):
-        here = rows[step == k]
+    # What was there before a scene came or went is no picture of what was there after.
+    of_scene = np.searchsorted(_scene_changes_ns(trial), stamps[rows], side="right")
+    _, piece = np.unique(np.stack([step, of_scene]), axis=1, return_inverse=True)
+    for k in np.unique(piece):
+        here = rows[piece.ravel() == k]
         picture = shown_at(int(stamps[here[len(here) // 2]]))
         if picture.brightness_01 <= 0:
             continue
@@ -354,6 +358,18 @@ def _ends(
         return None
     eyes, ends = (np.concatenate([piece[i] for piece in pieces]) for i in (0, 1))
     return eyes, ends, np.full(len(eyes), seconds)
+
+
+def _scene_changes_ns(trial: RecordedTrial) -> Values:
+    """Return when another scene, or the dark, came to be on display (n,)."""
+    rows = of_part(trial.recording, "scene_states", trial.part)["scene"]
+    if not len(rows):
+        return np.zeros(0, np.int64)
+    # What is drawn in a frame is on display by the next.
+    scene = rows[np.clip(trial.frames["scene_row"], 0, len(rows) - 1)]
+    changes = np.flatnonzero(np.diff(scene)) + 2
+    t_ns: Values = trial.frames["t_host_ns"]
+    return t_ns[changes[changes < len(t_ns)]]
 
 
 def _panoramas_shown(
