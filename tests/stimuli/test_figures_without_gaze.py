@@ -119,13 +119,13 @@ def test_figures_without_gaze_play_under_their_names_alone(tmp_path: Path, masco
         default_casting("robot")
 
 
-@pytest.mark.parametrize("taken", ["anna", "female_01", "male_1"])
+@pytest.mark.parametrize("name", ["anna", "female_01", "male_1"])
 def test_a_figure_whose_name_scenes_take_for_somebody_else_is_refused(
-    tmp_path: Path, taken: str
+    tmp_path: Path, name: str
 ) -> None:
-    write_glb(tmp_path / f"{taken}.glb", **UNTURNABLE["on discs"])
-    (result,) = import_characters(tmp_path / f"{taken}.glb", tmp_path / "library", gaze=False)
-    assert f"another name, such as own_{taken}.glb" in result.problem
+    write_glb(tmp_path / f"{name}.glb", **UNTURNABLE["on discs"])
+    (result,) = import_characters(tmp_path / f"{name}.glb", tmp_path / "library", gaze=False)
+    assert f"another name, such as own_{name}.glb" in result.problem
     assert not (tmp_path / "library").exists()
 
 

@@ -61,8 +61,8 @@ def is_of_kind(value: object, hint: Any) -> bool:
         if isinstance(value, str | abc.Mapping) or not isinstance(value, abc.Collection):
             return False
         return all(is_of_kind(one, arguments[0]) for one in value)
-    known = KINDS.get(inspect.formatannotation(hint))
-    return known[1](value) if known is not None else isinstance(value, hint)
+    kind = KINDS.get(inspect.formatannotation(hint))
+    return kind[1](value) if kind is not None else isinstance(value, hint)
 
 
 def words_of_kind(hint: Any) -> str:
@@ -81,8 +81,8 @@ def words_of_kind(hint: Any) -> str:
         abc.Sequence: "a list",
         abc.Collection: "a list",
     }
-    known = KINDS.get(inspect.formatannotation(hint))
-    return words.get(origin) or (known[0] if known is not None else f"{hint.__name__}(…)")
+    kind = KINDS.get(inspect.formatannotation(hint))
+    return words.get(origin) or (kind[0] if kind is not None else f"{hint.__name__}(…)")
 
 
 def new_name(name: str, possible: Iterable[str]) -> str:

@@ -134,7 +134,7 @@ def resting_joints(eye_height_m: float, posture: Posture | None = None) -> dict[
     """
     head = Pose(np.array([0.0, eye_height_m, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
     posture = posture or posture_of(eye_height_m)
-    character, person = (_seated if posture == "seated" else _standing)(next(_tried()), head)
+    character, person = (_seated if posture == "seated" else _standing)(next(_candidates()), head)
     pose = PeopleMotion((person,)).at(0.0)
     skeleton = character.skeleton
     joints = forward(skeleton, pose.root_m[0], pose.orientation_wxyz[0])
@@ -181,10 +181,10 @@ def _seated(character: Character, head: Pose) -> tuple[Character, Person]:
 def somebody_else(picture: Picture) -> Character:
     """Return a character who plays no other part in a picture."""
     playing = {character.name for character in picture.cast}
-    return next((c for c in _tried() if c.name not in playing), next(_tried()))
+    return next((c for c in _candidates() if c.name not in playing), next(_candidates()))
 
 
-def _tried() -> Iterator[Character]:
+def _candidates() -> Iterator[Character]:
     """Yield who may stand in: men of the cast; where it has none, who come with Visavis."""
     if numbered_people("male"):
         yield from (default_casting(part) for part in PARTS_TRIED)

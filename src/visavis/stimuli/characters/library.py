@@ -20,7 +20,7 @@ from visavis.stimuli.characters.gltf import Gender, import_gltf
 from visavis.stimuli.characters.sizing import scale_to_stature
 from visavis.stimuli.characters.storage import FIGURE_FILES, write_character
 
-NUMBERED: Final = re.compile(r"(female|male)_0*[1-9]\d*")
+PART_NAME: Final = re.compile(r"(female|male)_0*[1-9]\d*")
 """Names of parts that a cast's women and men play by turns."""
 
 
@@ -126,7 +126,7 @@ def _own_name(name: str, file: Path) -> str:
         CharacterError: others are called both.
     """
     for own in (name, file.stem):
-        if own not in cast_names() and not NUMBERED.fullmatch(own):
+        if own not in cast_names() and not PART_NAME.fullmatch(own):
             return own
     raise CharacterError(
         f"{file}: scenes would take {name!r} for somebody of the cast; give the file another name, "
