@@ -143,6 +143,14 @@ def test_simulated_report_marks_page_and_every_figure(html, folder):
     assert figures == len(marks)
 
 
+@pytest.mark.slow  # a browser
+def test_the_report_prints_on_ten_pages(analysis, folder, browser):
+    page = browser.new_page()
+    page.goto((folder / "report.html").as_uri())
+    sheets = page.pdf(format="A4", prefer_css_page_size=True)
+    assert 2 <= len(re.findall(rb"/Type\s*/Page\b", sheets)) <= 10
+
+
 @pytest.fixture(scope="module")
 def of_three(tmp_path_factory):
     """Return the folder of a report on three people who took part."""
