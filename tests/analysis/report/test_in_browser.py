@@ -68,6 +68,25 @@ def test_nothing_of_a_report_is_cut_off(width: int, browser: Any, tmp_path: Path
     assert wide.get_attribute("tabindex") == "0"  # which the keyboard can move, too
 
 
+@pytest.mark.parametrize("width_px", [320, 2560])
+def test_firefox_shows_a_report_whole_and_unfolds_what_is_folded(
+    width_px: int, other_browser: Any, tmp_path: Path
+) -> None:
+    window = other_browser
+    window.size(width_px, 900)
+    window.goto(report(tmp_path, is_simulated=True))
+    assert width_px >= window.evaluate("document.documentElement.scrollWidth")
+    narrow = "document.querySelector('.plot:not(.wide) svg').getBoundingClientRect()"
+    assert 0 < window.evaluate(f"{narrow}.width")
+    assert width_px >= window.evaluate(f"{narrow}.right")
+    table = "document.querySelector('table').getBoundingClientRect().height"
+    is_folded = window.evaluate("document.querySelector('details') !== null")
+    if is_folded:
+        assert 0 == window.evaluate(table)
+        window.click("summary")
+    window.wait_for(f"{table} > 0", 10.0)
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_no_report_shuts_people_out(scheme: Any, browser: Any, tmp_path: Path) -> None:
     page = browser.new_page(viewport={"width": 1280, "height": 800}, color_scheme=scheme)

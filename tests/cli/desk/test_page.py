@@ -406,6 +406,20 @@ def test_the_desk_shuts_nobody_out(address: str, browser: Any, tmp_path: Path) -
         assert [] == faults_for_people(page)
 
 
+@pytest.mark.parametrize("width_px", [320, 2560])
+def test_firefox_shows_the_desk_and_what_comes(
+    width_px: int, address: str, other_browser: Any, tmp_path: Path
+) -> None:
+    window = other_browser
+    window.size(width_px, 900)
+    with session(tmp_path) as link:
+        link.show(seen(True))
+        window.goto(address)
+        place = "document.querySelector('#f-participant')"
+        window.wait_for(f"{place}?.textContent.includes('S07H')", 30.0)
+        assert width_px >= window.evaluate("document.documentElement.scrollWidth")
+
+
 def started(root: Path, *arguments: str) -> RunningCommand:
     return COMMANDS.start(
         *["-u", "-m", "visavis.cli.main", *arguments],
