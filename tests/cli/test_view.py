@@ -302,6 +302,11 @@ def test_trials_that_do_not_fit_into_a_page_are_loaded_from_beside_it(
     window.wait_for_function("viewer.sceneAt(viewer.t) !== null", timeout=60_000)
     assert 1 < len({one[1] for one in window.evaluate(fell, "T03") if one})
     assert window.evaluate("viewer.header.scenes.some(s => s.isBeside && s.trial === 'T04')")
+    save = """async () => { viewer.seek(viewer.header.trials[1].t0 + 0.5);
+        const at = viewer.saving.at.bind(viewer.saving); let scene = null;
+        viewer.saving.at = (...how) => { scene = viewer.sceneAt(viewer.t); return at(...how); };
+        await viewer.saving.png(1); viewer.saving.at = at; return scene !== null; }"""
+    assert window.evaluate(save)  # what is saved is loaded first
     files[2].unlink()
     window.evaluate("viewer.seek(viewer.header.trials[3].t0 + 0.5)")
     window.wait_for_function("document.querySelector('#nothing').textContent.includes('beside')")

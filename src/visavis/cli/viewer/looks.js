@@ -30,10 +30,14 @@ class Session {
     if (!this.scenes.has(data)) this.scenes.set(data, new Scene(this.content, data));
     return this.scenes.get(data);
   }
-  // Load a trial whose scenes are in a file beside the page; `done` is called with a problem, or nothing.
-  load(trial, done) {
-    if (!trial?.beside || trial.asked) return;
+  // Begin to load a trial whose scenes are in a file beside the page: a promise of a problem, or of nothing; null where
+  // there is nothing to begin.
+  load(trial) {
+    if (!trial?.beside || trial.asked) return null;
     trial.asked = true;
+    return new Promise(done => this.ask(trial, done));
+  }
+  ask(trial, done) {
     const script = document.createElement('script');
     script.onerror = () => done(`${trial.beside} is not beside the page: keep them together`);
     Session.waiting.set(trial.beside, async text => {

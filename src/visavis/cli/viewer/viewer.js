@@ -247,7 +247,10 @@ class Viewer {
   sceneNow() {
     const scene = this.sceneAt(this.t);
     if (scene) scene.pose(this.t);
-    else this.session.load(this.trialAt(this.t), problem => { this.problem = problem; this.line.take(this.seen); this.dirty = true; });
+    else {
+      const loading = this.session.load(this.trialAt(this.t));
+      if (loading) this.drawing.wait(loading.then(problem => { this.problem = problem; this.line.take(this.seen); }));
+    }
     return scene;
   }
 
