@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.stats import mannwhitneyu
 
 from visavis.analysis.gaze.maps import MIN_PEOPLE, _clusters, clusters_of_difference
 from visavis.analysis.gaze.sphere_maps import (
     SPHERE_SMOOTHING_DEG,
     SphereGrid,
+    auc,
     cc,
     kld,
     nss,
@@ -133,6 +135,22 @@ def test_fixations_are_so_many_deviations_over_the_mean_of_a_map() -> None:
         cc(GRID, density, np.ones(GRID.shape))
 
 
+def test_a_map_is_higher_at_fixations_than_elsewhere_as_often_as_ranks_say() -> None:
+    density = map_of(40.5, 50.5)
+    random = np.random.default_rng(3)
+    right_deg, up_deg = random.normal(40.5, 4, 300), random.normal(50.5, 4, 300)
+    elsewhere_deg = (
+        random.uniform(-180, 180, 100_000),
+        np.degrees(np.arcsin(random.uniform(-1, 1, 100_000))),
+    )
+    at, other = (density[GRID.cells_of(*one)] for one in ((right_deg, up_deg), elsewhere_deg))
+    expected = mannwhitneyu(at, other).statistic / (len(at) * len(other))
+    assert expected == pytest.approx(auc(GRID, density, right_deg, up_deg), abs=0.001)
+    assert expected == pytest.approx(auc(GRID, density**0.5, right_deg, up_deg), abs=0.001)
+    assert 1 - expected == pytest.approx(auc(GRID, -density, right_deg, up_deg), abs=0.001)
+    assert 0.5 == pytest.approx(auc(GRID, np.ones(GRID.shape), right_deg, up_deg))
+
+
 def test_maps_that_cannot_be_compared_are_refused_with_why() -> None:
     density, nothing = map_of(40.5, 50.5), np.zeros(GRID.shape)
     for pair in ((density, nothing), (nothing, density)):
@@ -142,5 +160,8 @@ def test_maps_that_cannot_be_compared_are_refused_with_why() -> None:
         kld(GRID, density, np.ones((90, 180)))
     with pytest.raises(ValueError, match=r"a map has 90 × 180 cells, not 180 × 360"):
         cc(GRID, density, np.ones((90, 180)))
-    with pytest.raises(ValueError, match="there are no fixations"):
-        nss(GRID, density, np.zeros(0), np.zeros(0))
+    with pytest.raises(ValueError, match=r"a map has 90 × 180 cells, not 180 × 360"):
+        auc(GRID, np.ones((90, 180)), np.zeros(1), np.zeros(1))
+    for measure in (nss, auc):
+        with pytest.raises(ValueError, match="there are no fixations"):
+            measure(GRID, density, np.zeros(0), np.zeros(0))
