@@ -33,7 +33,7 @@ PEOPLE = 6
 NOISES_DEG = (0.1, 0.3, 0.5)
 HEADS = ((0.0, 0.0), (60.0, 12.0), (200.0, 0.0), (200.0, 12.0), (200.0, 30.0))
 PURSUITS_01 = (0.0, 0.4)
-MOST_FALSE_PURSUIT_01, COUNTS = 0.05, (0.85, 1.15)
+MAX_FALSE_PURSUIT_01, COUNTS = 0.05, (0.85, 1.15)
 BEST = "smoothed I-VT, best"
 
 Detect = Callable[[WornRecording], Labels]
@@ -122,7 +122,7 @@ def missed(rows: Sequence[Row]) -> list[str]:
         for r in rows
         if r.detector == "auto"
         and not (
-            r.false_pursuit_01 <= MOST_FALSE_PURSUIT_01 and COUNTS[0] <= r.count_ratio <= COUNTS[1]
+            r.false_pursuit_01 <= MAX_FALSE_PURSUIT_01 and COUNTS[0] <= r.count_ratio <= COUNTS[1]
         )
     ]
 

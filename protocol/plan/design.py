@@ -5,7 +5,7 @@ Everything random in a plan depends on the study seed and the participant's inde
 drawn before it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 from typing import Final, Literal, TypeAlias
@@ -47,8 +47,14 @@ class Factor:
     practice_only: Sequence[Scalar] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "levels", tuple(self.levels))
-        object.__setattr__(self, "practice_only", tuple(self.practice_only))
+        for name in ("levels", "practice_only"):
+            values = getattr(self, name)
+            if isinstance(values, str | Mapping) or not isinstance(values, Collection):
+                raise DesignError(
+                    f"factor {self.name}: {name} is {values!r}; it takes a list: "
+                    f'{name}=["left", "right"]'
+                )
+            object.__setattr__(self, name, tuple(values))
 
 
 @dataclass(frozen=True)

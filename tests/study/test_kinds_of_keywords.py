@@ -2,13 +2,15 @@
 
 import itertools
 from dataclasses import fields
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
-from visavis import Criterion, Factor, Study
+from visavis import Compare, Criterion, Factor, Study
+from visavis.analysis.statistics_report import TESTS
 from visavis.lab.errors import DesignError
 from visavis.study.arguments import is_of_kind, words_of_kind
+from visavis.study.comparisons import Test
 from visavis.study.declaration import PARTS
 
 HINTS = {f.name: f.type for part in PARTS.values() for f in fields(part)}
@@ -56,6 +58,34 @@ def test_most_values_are_of_another_kind() -> None:
 def test_it_says_what_the_keyword_takes(keyword: str, value: Any, says: str) -> None:
     with pytest.raises(DesignError, match=says):
         Study("kinds", **keywords_of(keyword, value))
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        ({"alpha": "x"}, r"Compare\('z', …\): alpha is 'x'; it takes a number"),
+        ({"test": "paird"}, "test is 'paird'; did you mean 'paired'"),
+        ({"correction": "hochberg"}, "it takes 'none', 'holm', 'bonferroni' or 'bh'"),
+        ({"published": 3}, r"published is 3; it takes Printed\(…\)"),
+        ({"only": None}, "only is None; it takes names with what belongs to each"),
+        ({"exploratory": "yes"}, "exploratory is 'yes'; it takes True or False"),
+    ],
+)
+def test_what_stands_in_a_keywords_list_is_looked_at_before_anybody_comes(
+    value: Any, says: str
+) -> None:
+    with pytest.raises(DesignError, match=says):
+        Study("kinds", **keywords_of("compare", [Compare("z", within="side", **value)]))
+
+
+@pytest.mark.parametrize("levels", ["left", {"left": 1}, None, 3])
+def test_levels_of_a_factor_are_a_list_and_no_letters(levels: Any) -> None:
+    with pytest.raises(DesignError, match=r"factor side: levels is .*it takes a list"):
+        Factor("side", levels)
+
+
+def test_every_test_of_the_statistics_can_be_named() -> None:
+    assert {"", *TESTS} == set(get_args(Test))
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ VIRTUAL_TIME_BATCH_NS = 4 * NS_PER_S
 _SYNC_EVERY_NS = NS_PER_S
 _STREAM_NAME = re.compile(r"[A-Za-z0-9_-]+")
 _QUEUE_S = 10.0
-_QUEUE_LEAST_ROWS = 2048
+_MIN_QUEUE_ROWS = 2048
 _QUEUE_GROWS = 16
 """How many times its usual length a queue may reach, after a pause of the computer."""
 _MAX_QUEUED_EVENTS = 100_000
@@ -111,7 +111,7 @@ class Recorder:
             )
         threaded = self._thread is not None
         span_s = _QUEUE_S if threaded else 2 * self._max_batch_ns / NS_PER_S
-        capacity = max(int(schema.nominal_rate_hz * span_s) + 64, _QUEUE_LEAST_ROWS)
+        capacity = max(int(schema.nominal_rate_hz * span_s) + 64, _MIN_QUEUE_ROWS)
         encoder = BatchEncoder(schema, is_simulated=self._is_simulated)
         file = AppendOnlyFile(self._dir / f"{schema.name}.arrows")
         self._guard(file.write, encoder.header)

@@ -4,7 +4,8 @@ values of another kind.
 
 import inspect
 from collections import abc
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from numbers import Integral, Real
 from types import NoneType, UnionType
 from typing import Any, Final, ForwardRef, Literal, Union, get_args, get_origin
@@ -45,7 +46,7 @@ def is_of_kind(value: object, hint: Any) -> bool:
     looked at.
     """
     origin, arguments = get_origin(hint), get_args(hint)
-    if hint is Any or isinstance(hint, str | ForwardRef):
+    if hint is Any or isinstance(hint, str | ForwardRef) or getattr(hint, "_is_protocol", False):
         return True
     if origin in (Union, UnionType):
         return any(is_of_kind(value, one) for one in arguments)
@@ -61,8 +62,35 @@ def is_of_kind(value: object, hint: Any) -> bool:
         if isinstance(value, str | abc.Mapping) or not isinstance(value, abc.Collection):
             return False
         return all(is_of_kind(one, arguments[0]) for one in value)
+    if origin is tuple and arguments[-1] is not Ellipsis:
+        if not isinstance(value, tuple | list) or len(value) != len(arguments):
+            return False
+        return all(map(is_of_kind, value, arguments))
+    if origin is tuple:
+        return isinstance(value, tuple | list) and all(is_of_kind(v, arguments[0]) for v in value)
     kind = KINDS.get(inspect.formatannotation(hint))
-    return kind[1](value) if kind is not None else isinstance(value, hint)
+    return kind[1](value) if kind is not None else isinstance(value, origin or hint)
+
+
+def wrong_kind(name: str, value: object, hint: Any) -> str:
+    """Return what is wrong with a value of another kind than an annotation; else nothing."""
+    if is_of_kind(value, hint):
+        return ""
+    near = did_you_mean(value, get_args(hint)) if get_origin(hint) is Literal else ""
+    if "did you mean" in near:
+        return f"{name} is {value!r}{near}"
+    return f"{name} is {value!r}; it takes {words_of_kind(hint)}"
+
+
+def wrong_fields(thing: object) -> Iterator[str]:
+    """Yield what is wrong with the fields of a dataclass."""
+    if not is_dataclass(thing) or isinstance(thing, type):
+        return
+    own = {f.name: getattr(thing, f.name) for f in fields(thing) if f.init}
+    about = f"{type(thing).__name__}({next(iter(own.values()), '')!r}, …)"
+    for field in fields(thing):
+        if field.init and (wrong := wrong_kind(field.name, own[field.name], field.type)):
+            yield f"{about}: {wrong}"
 
 
 def words_of_kind(hint: Any) -> str:
@@ -71,7 +99,7 @@ def words_of_kind(hint: Any) -> str:
     if origin in (Union, UnionType):
         return " or ".join(words_of_kind(one) for one in arguments if one is not NoneType)
     if origin is Literal:
-        *others, last = map(repr, arguments)
+        *others, last = (repr(one) for one in arguments if one != "")
         return f"{', '.join(others)} or {last}"
     if origin in (abc.Sequence, abc.Collection) and get_origin(arguments[0]) is Literal:
         return f"a list of {words_of_kind(arguments[0])}"
@@ -81,6 +109,8 @@ def words_of_kind(hint: Any) -> str:
         abc.Sequence: "a list",
         abc.Collection: "a list",
     }
+    if origin is tuple and hint != tuple[float, float]:
+        return f"{len(arguments)} values" if arguments[-1] is not Ellipsis else "a list"
     kind = KINDS.get(inspect.formatannotation(hint))
     return words.get(origin) or (kind[0] if kind is not None else f"{hint.__name__}(…)")
 

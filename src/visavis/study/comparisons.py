@@ -19,6 +19,35 @@ from visavis.study.expectations import HOW_TO_WRITE, Order, orders_of
 from visavis.study.pairs import Printed
 
 Correction = Literal["none", "holm", "bonferroni", "bh"]
+Test = Literal[
+    "",
+    "art",
+    "rm",
+    "mixed",
+    "lmm",
+    "gee",
+    "clmm",
+    "anova",
+    "welch",
+    "friedman",
+    "conditions",
+    "kruskal",
+    "bradleyterry",
+    "sign",
+    "binomial",
+    "paired",
+    "t",
+    "wilcoxon",
+    "mannwhitney",
+    "shapiro",
+    "spearman",
+    "pearson",
+    "tost",
+    "cronbach",
+    "icc",
+    "krippendorff",
+    "kappa",
+]
 Model = Literal["", "lmm", "gee", "clmm", "bradleyterry"]
 ALONE: Final = ("sign", "binomial", "t", "tost")
 """Tests that can also compare one measure with a number, without a factor."""
@@ -146,7 +175,7 @@ class Compare:
     dv: str
     within: str | Sequence[str] = ()
     between: str | Sequence[str] = ()
-    test: str = ""
+    test: Test = ""
     model: Model = ""
     claim: str = ""
     family: str = "planned"

@@ -21,7 +21,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.parts import missing_attribute, part_of, parts_from, takes_keywords_of
 from visavis.protocol.plan.design import Design, Factor
 from visavis.protocol.plan.parameters import parameters_from
-from visavis.study.arguments import is_of_kind, words_of_kind
+from visavis.study.arguments import wrong_fields, wrong_kind
 from visavis.study.items import order_rules
 from visavis.study.parts import (
     KINDS,
@@ -372,10 +372,13 @@ _HINTS: Final = {f.name: f.type for f in fields(_Keywords)}
 def _other_kind(keyword: str, value: Any) -> Iterator[str]:
     """Yield what is wrong with a keyword that got a value of another kind than it takes."""
     problems = list(_no_list(keyword, value))
+    if not problems and (wrong := wrong_kind(keyword, value, _HINTS[keyword])):
+        problems = [wrong]
     yield from problems
-    hint = _HINTS[keyword]
-    if not problems and not is_of_kind(value, hint):
-        yield f"{keyword} is {value!r}; it takes {words_of_kind(hint)}"
+    # Levels of factors have rules of their own (`impossible_levels`).
+    if not problems and keyword not in (*PARTS, "factors"):
+        for one in value if keyword in KINDS else (value,):
+            yield from wrong_fields(one)
 
 
 def _no_list(keyword: str, value: Any) -> Iterator[str]:

@@ -100,7 +100,7 @@ def opened(browser: Any, address: str, **options: Any) -> Any:
     return page
 
 
-def shown(page: Any, place: str, text: str) -> None:
+def wait_for(page: Any, place: str, text: str) -> None:
     """Wait until a place says something."""
     page.locator(place).filter(has_text=text).first.wait_for()
 
@@ -141,7 +141,7 @@ def test_the_page_says_what_the_terminal_says(address: str, browser: Any, tmp_pa
             ("#above-text", "Looks at right close."),
             ("#rehearsal", "SIMULATED"),
         ):
-            shown(page, place, text)
+            wait_for(page, place, text)
     assert [] == problems
     assert all(url.startswith((address.split("#")[0], "data:")) for url in addresses)
 
@@ -155,9 +155,9 @@ def test_no_fault_is_green_only_where_nothing_was_missed(
     with session(tmp_path) as link:
         link.show(whole)
         page = opened(browser, address)
-        shown(page, "#faults .good", "No faults.")
+        wait_for(page, "#faults .good", "No faults.")
         link.show(replace(whole, health=holes))
-        shown(page, "#faults .look", "No fault now, but headset: 380 gaps, longest 222 ms.")
+        wait_for(page, "#faults .look", "No fault now, but headset: 380 gaps, longest 222 ms.")
         assert 0 == page.locator("#faults .good").count()
 
 
@@ -169,8 +169,8 @@ def test_a_streams_rate_stands_beside_the_one_promised(
     with session(tmp_path) as link:
         link.show(replace(STATUS, health=promised))
         page = opened(browser, address)
-        shown(page, "#streams", "119.9 of 120 Hz")
-        shown(page, "#streams tr:last-child", "119.9 Hz")  # who promises none
+        wait_for(page, "#streams", "119.9 of 120 Hz")
+        wait_for(page, "#streams tr:last-child", "119.9 Hz")  # who promises none
 
 
 def test_areas_of_interest_and_gaze_stand_in_both_views(
@@ -179,14 +179,14 @@ def test_areas_of_interest_and_gaze_stand_in_both_views(
     with session(tmp_path) as link:
         link.show(seen(True))
         page = opened(browser, address)
-        shown(page, "#view-of", "in outline")
+        wait_for(page, "#view-of", "in outline")
         assert (1, 1) == tuple(page.locator(f"#{place} .area").count() for place in VIEWS)
         places = [
             float(page.locator(f"#view .{part}").get_attribute("cx")) for part in ("head", "gaze")
         ]
         assert [0.4, 0.75] == places
-        shown(page, "#above-text", "Looks at right close.")
-        shown(page, "#above-key", "areas of interest")
+        wait_for(page, "#above-text", "Looks at right close.")
+        wait_for(page, "#above-key", "areas of interest")
 
 
 def test_the_picture_that_the_participant_sees_is_shown(
@@ -199,7 +199,7 @@ def test_the_picture_that_the_participant_sees_is_shown(
         while not page.locator("#view image").count() and watch.elapsed_s() < PATIENCE_S:
             link.show(replace(seen(True), glance=glancing))
             page.wait_for_timeout(50)
-        shown(page, "#view-of", "left eye")
+        wait_for(page, "#view-of", "left eye")
         source = page.locator("#view image").get_attribute("href")
         assert page.evaluate(DECODES, source)
         assert (1, 1) == tuple(page.locator(f"#view .{part}").count() for part in ("area", "gaze"))
@@ -216,7 +216,7 @@ def test_contacts_and_vibrations_are_seen_and_said(
     with session(tmp_path) as link:
         link.show(status)
         page = opened(browser, address)
-        shown(page, "#above-text", "Left hand touches person 8, its band vibrates. 3 contacts")
+        wait_for(page, "#above-text", "Left hand touches person 8, its band vibrates. 3 contacts")
         assert len(station_crowd(1)) - 1 == page.locator("#above .person").count()
         assert [1, 1] == [
             page.locator(f"#above .{part}").count() for part in ("touched", "contact")
@@ -246,14 +246,14 @@ def test_no_button_moves_when_something_waits_or_breaks(
         link.show(calm)
         for width in WIDTHS_PX:
             page = opened(browser, address, viewport={"width": width, "height": 900})
-            shown(
+            wait_for(
                 page, "#f-done", "5 of 73"
             )  # before its first news the page says the same, and less
-            shown(page, "#prompt", "Goes on by itself.")
+            wait_for(page, "#prompt", "Goes on by itself.")
             places = {page.locator("#do-flag").bounding_box()["y"]}
             for status, kind, words, is_asked in shown_as:
                 link.show(status)
-                shown(page, "#prompt", words)
+                wait_for(page, "#prompt", words)
                 assert f"state {kind}" == page.locator("#f-state").get_attribute("class")
                 assert is_asked == page.locator("#do-advance").is_enabled()
                 places.add(page.locator("#do-flag").bounding_box()["y"])
@@ -266,17 +266,17 @@ def test_no_button_moves_when_the_first_news_of_a_session_comes(
 ) -> None:
     with session(tmp_path) as link:
         page = opened(browser, address, viewport={"width": WIDTHS_PX[0], "height": 900})
-        shown(page, "#prompt", "Goes on by itself.")
+        wait_for(page, "#prompt", "Goes on by itself.")
         before = page.locator("#do-flag").bounding_box()["y"]
         link.show(replace(STATUS, faults=(), condition=""))
-        shown(page, "#f-done", "5 of 73")
+        wait_for(page, "#f-done", "5 of 73")
         assert pytest.approx(before, abs=1) == page.locator("#do-flag").bounding_box()["y"]
 
 
 def test_a_blinded_condition_stays_hidden(address: str, browser: Any, tmp_path: Path) -> None:
     with session(tmp_path, is_blind=True) as link:
         link.show(replace(STATUS, condition=""))
-        shown(opened(browser, address), "#f-condition", "hidden")
+        wait_for(opened(browser, address), "#f-condition", "hidden")
 
 
 def test_a_session_on_a_participants_page_is_shown_and_not_commanded(
@@ -293,10 +293,10 @@ def test_a_session_on_a_participants_page_is_shown_and_not_commanded(
     with SessionLink(UnattendedOperator(), about, tmp_path) as link:
         link.show(told)
         page = opened(browser, address)
-        shown(page, "#f-done", "5 of 73")
-        shown(page, "#session", "goes on at the participant's page")
+        wait_for(page, "#f-done", "5 of 73")
+        wait_for(page, "#session", "goes on at the participant's page")
         assert 0 == page.locator("#session button").count()
-        shown(page, "#prompt", "Goes on by itself.")
+        wait_for(page, "#prompt", "Goes on by itself.")
         page.keyboard.press("f")
         page.wait_for_timeout(300)
         assert [] == list(link.poll())
@@ -356,8 +356,8 @@ def test_one_of_two_sessions_is_chosen_and_commanded(
         page = opened(browser, address)
         for label, trial, its in (("S08J", "T09", second), ("S07H", "T05", link)):
             page.get_by_role("button", name=f"{label} · stare").click()
-            shown(page, "#f-trial", trial)
-            shown(page, "#f-participant", label)
+            wait_for(page, "#f-trial", trial)
+            wait_for(page, "#f-participant", label)
             page.click("#do-pause")
             assert Command(Action.PAUSE) == command(its)
 
@@ -366,19 +366,19 @@ def test_a_page_may_be_closed_and_the_next_session_appears_by_itself(
     address: str, browser: Any, tmp_path: Path
 ) -> None:
     page = opened(browser, address)
-    shown(page, "#session", "No session goes on")
-    shown(page, "#findings", "Not ready: 1 thing missing.")
-    shown(page, "#findings", "free space")
+    wait_for(page, "#session", "No session goes on")
+    wait_for(page, "#findings", "Not ready: 1 thing missing.")
+    wait_for(page, "#findings", "free space")
     with session(tmp_path) as link:
         link.show(STATUS)
-        shown(page, "#f-trial", "T05")
+        wait_for(page, "#f-trial", "T05")
         page.close()
         link.show(replace(STATUS, trial_id="T06"))
         page = opened(browser, address)
-        shown(page, "#f-trial", "T06")
+        wait_for(page, "#f-trial", "T06")
         page.reload()
-        shown(page, "#f-trial", "T06")
-    shown(page, "#session", "No session goes on")
+        wait_for(page, "#f-trial", "T06")
+    wait_for(page, "#session", "No session goes on")
 
 
 @pytest.mark.parametrize("width", WIDTHS_PX)
@@ -390,7 +390,7 @@ def test_everything_fits_at_every_width(
     with session(tmp_path) as link:
         link.show(busy)
         page = opened(browser, address, viewport={"width": width, "height": 800})
-        shown(page, "#faults", "no data for 12 s")
+        wait_for(page, "#faults", "no data for 12 s")
         assert width == page.evaluate("() => document.documentElement.scrollWidth")
         heights = page.evaluate(
             "() => [...document.querySelectorAll('#session button')].map(b => b.offsetHeight)"
@@ -402,7 +402,7 @@ def test_the_desk_shuts_nobody_out(address: str, browser: Any, tmp_path: Path) -
     with session(tmp_path) as link:
         link.show(seen(True))
         page = opened(browser, address)
-        shown(page, "#f-participant", "S07H")
+        wait_for(page, "#f-participant", "S07H")
         assert [] == faults_for_people(page)
 
 
@@ -452,29 +452,29 @@ def test_a_session_in_real_time_is_commanded_and_outlives_a_killed_desk(
     desks = [started(tmp_path, "desk")]
     try:
         page = opened(browser, address_told(desks[0]))
-        shown(page, "#f-state", "trial")
+        wait_for(page, "#f-state", "trial")
         page.click("#do-note")
         page.fill("#ask-text", "coughed")
         page.keyboard.press("Enter")
-        shown(page, "#messages", "coughed")
+        wait_for(page, "#messages", "coughed")
         page.click("#do-pause")
-        shown(page, "#f-state", "paused")
+        wait_for(page, "#f-state", "paused")
         desks[0].send_signal(signal.SIGKILL)
-        shown(page, "#notice", "The desk is closed; the session goes on without it.")
+        wait_for(page, "#notice", "The desk is closed; the session goes on without it.")
         page.close()
         desks.append(started(tmp_path, "desk"))
         page = opened(browser, address_told(desks[1]))
-        shown(page, "#f-state", "paused")
+        wait_for(page, "#f-state", "paused")
         page.click("#do-advance")
         page.locator("#f-state").filter(has_not_text="paused").wait_for()
         page.click("#do-abort")
         page.click("#ask-yes")
-        shown(page, ".verdict", "Keep them here.")
-        shown(page, ".verdict .remedy code", "visavis resume")
-        shown(
+        wait_for(page, ".verdict", "Keep them here.")
+        wait_for(page, ".verdict .remedy code", "visavis resume")
+        wait_for(
             page, ".verdict > ul.findings", "planned trials complete"
         )  # what is wrong is not folded away
-        shown(page, "#people", "visavis resume")
+        wait_for(page, "#people", "visavis resume")
         said, _ = running.communicate(timeout=PATIENCE_S)
         assert 3 == running.returncode, said
         assert "Traceback" not in said

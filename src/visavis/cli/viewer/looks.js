@@ -1,6 +1,6 @@
 // Where somebody looked and walked in a session: gaze on what is drawn, fixations, measures of looks, the path of the head.
 
-const HOLD_STEPS = 1.5, BRIDGE_S = 0.075, LEAST_FIXATION_S = 0.15, SLACK_S = 2e-5; // as `analysis.gaze.looks`
+const HOLD_STEPS = 1.5, BRIDGE_S = 0.075, MIN_FIXATION_S = 0.15, SLACK_S = 2e-5; // as `analysis.gaze.looks`
 const ALIKE_STEP_S = 0.02;
 const STANDS_M = 0.5; // who stays within this has not walked
 
@@ -133,7 +133,7 @@ class Session {
       if (open && begin - before[1] <= BRIDGE_S + SLACK_S) before[1] = until; else looks.push([begin, until]);
       open = true;
     }
-    const fixations = looks.filter(([a, b]) => b - a >= LEAST_FIXATION_S - SLACK_S);
+    const fixations = looks.filter(([a, b]) => b - a >= MIN_FIXATION_S - SLACK_S);
     const result = {dwell, count: fixations.length, latency: fixations.length ? fixations[0][0] - trial.t0 : null};
     this.measured.set(id, result);
     return result;

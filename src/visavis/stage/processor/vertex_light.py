@@ -19,7 +19,7 @@ Flags = npt.NDArray[np.bool_]
 Triple: TypeAlias = tuple[np.float32, np.float32, np.float32]
 EYE_KIND = 1
 """Kind of the vertices whose light pixels compute: they get their normal instead."""
-LEAST_DEPTH_M = 0.02
+MIN_DEPTH_M = 0.02
 """Things nearer to an eye than this always count as visible."""
 NEAR_PX = 0.03
 """How finely a driver may place corners between pixels."""
@@ -299,7 +299,7 @@ def pose(
                 m = pixels_from_world[e]
                 # Perspective division; what is not in front of the eye has no pixel.
                 deep = m[2, 0] * px + m[2, 1] * py + m[2, 2] * pz + m[2, 3]
-                if deep > LEAST_DEPTH_M:
+                if deep > MIN_DEPTH_M:
                     share = one / deep
                     across = m[0, 0] * px + m[0, 1] * py + m[0, 2] * pz + m[0, 3]
                     up = m[1, 0] * px + m[1, 1] * py + m[1, 2] * pz + m[1, 3]

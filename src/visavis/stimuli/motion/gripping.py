@@ -26,9 +26,9 @@ SPREAD_RAD: Final = -0.10
 """Fingers that hold something lie closer together than at rest."""
 ROOM_FOR_THUMB_M: Final = 0.006
 """Behind the edge before the neck: the pad of a thumb is thicker than the edge."""
-LEAST_CURLS: Final = (0.04, 0.26, 0.26, 0.26)
+MIN_CURLS: Final = (0.04, 0.26, 0.26, 0.26)
 """Index fingers may lie along a case; a straight finger beside bent ones looks broken."""
-MOST_CURL: Final = 0.90
+MAX_CURL: Final = 0.90
 KNUCKLES_RAD: Final = (-0.15, 0.95)
 """Bends of a knuckle in all."""
 THUMB_IN_RAD: Final = (-0.3, 0.7)
@@ -118,7 +118,7 @@ def grip_of_character(character: Character, case: Case, room_m: Vector) -> Vecto
                 room_m,
                 FINGER,
                 spread_rad,
-                (LEAST_CURLS[k], MOST_CURL),
+                (MIN_CURLS[k], MAX_CURL),
                 KNUCKLES_RAD,
                 (0.0, 0.0),
             )

@@ -19,7 +19,7 @@ const NEAREST_M = 0.6;
 const FARTHEST_M = 9;
 const HALF_HEIGHT = Math.tan(17 * Math.PI / 180); // of the picture, one metre away
 const [NEAR_M, FAR_M] = [0.05, 60];
-const [LEAST_PITCH, MOST_PITCH] = [-0.02, 1.55];
+const [MIN_PITCH, MAX_PITCH] = [-0.02, 1.55];
 const SHADE_M = 0.42;
 const FLOOR_M = 40;
 const MIST_M = [6, 16]; // where the floor's end is lost
@@ -265,7 +265,7 @@ function circling(canvas, eye, aim, changed) {
   const up = (e) => { fingers.delete(e.pointerId); };
   const turnBy = (yaw, pitch) => {
     camera.yaw -= yaw;
-    camera.pitch = Math.min(MOST_PITCH, Math.max(LEAST_PITCH, camera.pitch + pitch));
+    camera.pitch = Math.min(MAX_PITCH, Math.max(MIN_PITCH, camera.pitch + pitch));
     changed();
   };
   const move = (e) => {

@@ -52,7 +52,7 @@ Gender = Literal["female", "male"]
 Indices = npt.NDArray[np.int64]
 SIDES: Final = ("left", "right")
 EYES: Final = ("left_eye", "right_eye")
-LEAST_MOVE_M: Final = 2e-5
+MIN_MOVE_M: Final = 2e-5
 """Smaller displacements of shapes are rounding, and would only cost memory."""
 
 _FROWNING, _BROWS_DOWN = r"mouth_?frown", r"brow_?down_?(l|r|left|right)?$"
@@ -342,7 +342,7 @@ def _at_rest(
     morphs = {}
     for name, delta in _morphs(surface, moving).items():
         rest_delta_m = np.linalg.solve(blend, delta[..., None])[..., 0]
-        moves = np.flatnonzero(np.abs(rest_delta_m).max(axis=1) > LEAST_MOVE_M)
+        moves = np.flatnonzero(np.abs(rest_delta_m).max(axis=1) > MIN_MOVE_M)
         if len(moves):
             morphs[name] = Morph(moves.astype(np.int32), rest_delta_m[moves].astype(np.float32))
     return SkinnedMesh(
@@ -365,7 +365,7 @@ def _moving_shapes(surfaces: Sequence[Surface]) -> frozenset[str]:
         name
         for surface in surfaces
         for name, delta in surface.shapes.items()
-        if np.abs(delta).max(initial=0.0) > LEAST_MOVE_M
+        if np.abs(delta).max(initial=0.0) > MIN_MOVE_M
     )
     if not any(re.search(_FROWNING, name.lower()) for name in moving):
         return frozenset(name for name in moving if not re.search(_BROWS_DOWN, name.lower()))
