@@ -51,6 +51,7 @@ def test_most_values_are_of_another_kind() -> None:
         ("days_between", (1, "x"), "days_between is .*; it takes two numbers"),
         ("texts", {}, "texts is {}; it takes a text"),
         ("title", 3, "title is 3; it takes a text"),
+        ("thresholds", 3, "thresholds is 3; it takes a dataclass of numbers"),
         ("base", "stare", "base is 'stare'; it takes a Study"),
         ("compare", None, "compare is None; it takes a list"),
     ],

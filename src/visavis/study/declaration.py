@@ -13,7 +13,7 @@ tables with their dictionaries, statistics, figures, report, power.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -150,6 +150,11 @@ class Study:
         other: Any = base
         if other is not None and not isinstance(other, Study):
             problems.append(f"base is {other!r}; it takes a Study")
+        thresholds = keywords.get("thresholds")
+        if thresholds is not None and (
+            isinstance(thresholds, type) or not is_dataclass(thresholds)
+        ):
+            problems.append(f"thresholds is {thresholds!r}; it takes a dataclass of numbers")
         if problems:  # what follows reads them
             raise DesignError(f"study {name}: {'; '.join(problems)}")
         self.name, self.question, self.version, self.base = name, question, version, base
