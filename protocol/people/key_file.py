@@ -12,6 +12,7 @@ from typing import Any
 
 from visavis.lab.errors import LedgerError
 from visavis.protocol.people.file_lock import locked
+from visavis.recording.durable import replace_secret
 from visavis.recording.sealed import read_sealed, seal
 
 FORMAT_VERSION = 2
@@ -117,15 +118,8 @@ class KeyFile:
         return content
 
     def _write(self, content: Mapping[str, Any]) -> None:
-        temporary = self.path.with_name(f".{self.path.name}.new")
         try:
-            temporary.unlink(missing_ok=True)
-            fd = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-            with os.fdopen(fd, "wb") as file:
-                file.write(seal({**content, "format": FORMAT_VERSION}))
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(temporary, self.path)
+            replace_secret(self.path, seal({**content, "format": FORMAT_VERSION}))
         except OSError as error:
             raise LedgerError(
                 f"the key file {self.path} cannot be written: {error.strerror}; check the disk "

@@ -147,6 +147,19 @@ def replace_file(path: Path, data: bytes) -> None:
         raise write_failure(path, error) from error
 
 
+def replace_secret(path: Path, data: bytes) -> None:
+    """Put `data` at `path` atomically, readable for its owner alone; raises OSError."""
+    temporary = path.with_name(f".{path.name}.new")
+    temporary.unlink(missing_ok=True)
+    fd = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, PRIVATE.file)
+    try:
+        _write_all(fd, memoryview(data))
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+    os.replace(temporary, path)
+
+
 def add_to_file(path: Path, data: bytes) -> None:
     """Add to the end of a file and wait for the disk; raises OSError, maybe with a part added."""
     fd = open_private(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)

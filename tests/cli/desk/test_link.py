@@ -2,13 +2,17 @@
 
 import asyncio
 import base64
+import errno
+import gc
 import io
 import json
 import math
 import os
 import socket
 import stat
+import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +28,7 @@ from visavis.cli.desk.link import (
     MAX_TEXT,
     About,
     SessionLink,
+    _write_meeting,
     command_of,
     line_of,
     meeting_folder,
@@ -177,6 +182,57 @@ def test_how_a_session_is_reached_is_its_owners_secret_and_gone_with_it(
         assert 0o600 == stat.S_IMODE(meeting.stat().st_mode)
         assert cache in meeting.parents
     assert [] == list(meeting_folder().glob("*.json"))
+
+
+def test_a_desk_that_looks_while_a_session_begins_never_finds_half_of_its_file(
+    cache: Path, tmp_path: Path
+) -> None:
+    looks: list[Any] = []
+
+    def look(*_: Any) -> Any:
+        sys.settrace(None)
+        looks.extend(json.loads(file.read_text()) for file in meeting_folder().glob("*.json"))
+        sys.settrace(look)
+        return look
+
+    earlier = sys.gettrace()
+    sys.settrace(look)  # at every line that is run
+    try:
+        _write_meeting("lab", {"port": 1, "token": "x"})
+    finally:
+        sys.settrace(earlier)
+    assert {"port": 1, "token": "x"} == looks[0] == looks[-1]
+
+
+def test_a_session_is_found_once_the_computer_has_files_to_spare_again(
+    link: SessionLink, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    connect, failures = asyncio.open_connection, [errno.EMFILE, errno.ENOBUFS]
+
+    async def connect_or_fail(*place: Any, **options: Any) -> Any:
+        if failures:
+            raise OSError(failures.pop(), "short of it")
+        return await connect(*place, **options)
+
+    monkeypatch.setattr(asyncio, "open_connection", connect_or_fail)
+    monkeypatch.setattr("visavis.cli.desk.watch.LOOK_AGAIN_S", 0.01)
+    with_desk(tmp_path, lambda watch: until(watch, lambda: watch.about is not None))
+    assert [] == failures
+
+
+def test_a_session_without_a_file_to_be_found_by_goes_on_and_leaves_no_socket(
+    cache: Path, tmp_path: Path
+) -> None:
+    cache.mkdir()
+    (cache / "visavis").write_text("a file in the place of the folder")
+    about = About("stare", "S07H", 1, str(tmp_path), is_simulated=True, is_blind=False)
+    with warnings.catch_warnings(record=True) as lost:
+        warnings.simplefilter("always")
+        with SessionLink(UnattendedOperator(), about, tmp_path) as made:
+            made.show(STATUS)
+        del made
+        gc.collect()
+    assert [] == [warning for warning in lost if warning.category is ResourceWarning]
 
 
 def test_nobody_without_the_secret_is_told_or_heard(link: SessionLink) -> None:

@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import importlib
 import json
-import os
 import webbrowser
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +13,7 @@ import typer
 from visavis.cli.app import ConfigOption, DevicesOption, app, console, load_lab, say, verbatim
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import ConfigError, UsageError
+from visavis.recording.durable import replace_secret
 
 
 @app.command()
@@ -74,10 +74,7 @@ def _write_api(path: Path, address: str, key: str) -> None:
         UsageError: the file cannot be written.
     """
     try:
-        path.unlink(missing_ok=True)
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump({"address": address, "key": key}, file)
+        replace_secret(path, json.dumps({"address": address, "key": key}).encode())
     except OSError as error:
         raise UsageError(
             f"{path} cannot be written ({error.strerror or error}); give another file with --api"

@@ -25,6 +25,7 @@ from visavis.devices.contracts import Health
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.config import INCIDENTS
 from visavis.protocol.session.operator import Action, Command, Operator, SessionStatus
+from visavis.recording.durable import replace_secret
 from visavis.stage.contracts import Glance
 
 LOCAL: Final = "127.0.0.1"
@@ -151,12 +152,14 @@ class SessionLink:
     async def _serve(self) -> None:
         self._loop, self._over = asyncio.get_running_loop(), asyncio.Event()
         server = await asyncio.start_server(self._visit, LOCAL, 0, limit=MAX_LINE_BYTES)
-        self._meeting = _write_meeting(
-            self._name, {"port": server.sockets[0].getsockname()[1], "token": self._token}
-        )
-        self._listens.set()
-        await self._over.wait()
-        server.close()
+        try:
+            self._meeting = _write_meeting(
+                self._name, {"port": server.sockets[0].getsockname()[1], "token": self._token}
+            )
+            self._listens.set()
+            await self._over.wait()
+        finally:
+            server.close()
         for writer in self._desks.values():
             writer.close()
         if self._desks:  # each ends as its line is cut
@@ -287,12 +290,10 @@ def _write_meeting(name: str, content: Mapping[str, Any]) -> Path:
     folder = meeting_folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     path = folder / f"{name}-{os.getpid()}-{content['port']}.json"
-    path.unlink(missing_ok=True)  # of an earlier process with these numbers
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        json.dump(content, file)
+    # A desk takes an unfinished file for one of a killed session, and deletes it.
+    replace_secret(path, json.dumps(content).encode())
     now_s = path.stat().st_mtime
-    for left in folder.glob("*.json"):  # left by killed sessions that no desk looked for
+    for left in folder.iterdir():  # left by killed sessions that no desk looked for
         with contextlib.suppress(OSError):
             if now_s - left.stat().st_mtime > FORGOTTEN_S:
                 left.unlink()

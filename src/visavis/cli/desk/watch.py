@@ -112,11 +112,11 @@ class SessionWatch:
             reader, writer = await asyncio.open_connection(
                 LOCAL, int(how["port"]), limit=MAX_LINE_BYTES
             )
-        except FileNotFoundError:
-            return
-        except (OSError, ValueError, KeyError, TypeError):
+        except (ConnectionRefusedError, ValueError, KeyError, TypeError):
             meeting.unlink(missing_ok=True)  # of a process that was killed
             return
+        except OSError:
+            return  # it has just ended, or this computer is short of something: looked for again
         session: LiveSession | None = None
         try:
             writer.write(str(how["token"]).encode() + b"\n")

@@ -1,6 +1,5 @@
 """A certificate that this computer makes for itself, for https on a laboratory's network."""
 
-import os
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
@@ -13,6 +12,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from visavis.lab.errors import UsageError
+from visavis.recording.durable import replace_secret
 from visavis.running.page.lan import Certificate, certificate_of
 
 NAME: Final = "lan-certificate.pem"
@@ -33,11 +33,7 @@ def own_certificate(folder: Path, names: Sequence[str], now: datetime) -> Certif
         except UsageError:
             pass  # the computer has another address by now, or a year has passed
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    draft = path.with_name(f".{NAME}.new")
-    draft.unlink(missing_ok=True)
-    with os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-        file.write(_make(names, now.astimezone(UTC)))
-    draft.replace(path)
+    replace_secret(path, _make(names, now.astimezone(UTC)))
     return certificate_of(path, path, names)
 
 
