@@ -5,14 +5,15 @@ Everything random in a plan depends on the study seed and the participant's inde
 drawn before it.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
-from typing import Final, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.plan.balance import balanced_blocks
 from visavis.protocol.plan.orders import (
@@ -35,6 +36,7 @@ SESSION: Final = "session"
 
 
 @dataclass(frozen=True)
+@of_kinds(levels=Sequence[Any], practice_only=Sequence[Any])
 class Factor:
     """A factor and its levels; `between` factors have one level per participant.
 
@@ -48,13 +50,7 @@ class Factor:
 
     def __post_init__(self) -> None:
         for name in ("levels", "practice_only"):
-            values = getattr(self, name)
-            if isinstance(values, str | Mapping) or not isinstance(values, Collection):
-                raise DesignError(
-                    f"factor {self.name}: {name} is {values!r}; it takes a list: "
-                    f'{name}=["left", "right"]'
-                )
-            object.__setattr__(self, name, tuple(values))
+            object.__setattr__(self, name, tuple(getattr(self, name)))
 
 
 @dataclass(frozen=True)

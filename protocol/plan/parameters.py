@@ -7,11 +7,13 @@ from dataclasses import dataclass, fields
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from visavis.lab.errors import ConfigError
+from visavis.lab.kinds import of_kinds
 
 P = TypeVar("P")
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Within:
     """Bounds of a number: from `low` to `high`, without the ends where it is `open`.
 

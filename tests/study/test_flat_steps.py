@@ -122,7 +122,7 @@ def test_two_keys_without_a_name_are_the_answer():
             "t.show(Scene('rom'), 1)",
             "there is no scene 'rom'; known: audience, person, two_people$",
         ),
-        ("t.show(Text(None), 1)", "Text: there is nothing to read"),
+        ("t.show(Text(None), 1)", "Text: text is None; it takes a text"),
         (
             "t.show(Scene('room.glb'), 1)",
             r"a room is no scene by its name: show Room\('room.glb'\)",

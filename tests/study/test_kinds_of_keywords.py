@@ -1,15 +1,16 @@
 """What a study's keywords take, and what is said of a value of another kind."""
 
 import itertools
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import Any, get_args
 
 import pytest
 
-from visavis import Compare, Criterion, Factor, Study
+import visavis
+from visavis import Compare, Criterion, Factor, Scene, Study
 from visavis.analysis.statistics_report import TESTS
 from visavis.lab.errors import DesignError
-from visavis.study.arguments import is_of_kind, words_of_kind
+from visavis.lab.kinds import is_of_kind, words_of_kind
 from visavis.study.comparisons import Test
 from visavis.study.declaration import PARTS
 
@@ -21,6 +22,72 @@ OTHERS = [
     for keyword, value in itertools.product(HINTS, VALUES)
     if not is_of_kind(value, HINTS[keyword])
 ]
+
+PARTS_OF_A_FILE = "Directed Dots Following Grating Lens LooksOn Returning Within".split()
+"""Those that need no argument."""
+SMALLEST: dict[str, dict[str, Any]] = {
+    "Careless": {"response": "r"},
+    "Choice": {"name": "c", "options": ["a", "b"]},
+    "Compare": {"dv": "z", "within": "side"},
+    "Confusion": {"shown": "s", "answered": "a"},
+    "Correlate": {
+        "family": "f",
+        "measures": ["m"],
+        "factor": "f",
+        "score": "s",
+        "score_words": "w",
+        "score_name": "n",
+    },
+    "Criterion": {"of": "r"},
+    "Exclusion": {"name": "n", "level": "trial", "column": "c", "limit": 1.0, "words": "w"},
+    "Fact": {"kind": "design", "what": "w", "printed": "p", "where": "w"},
+    "Factor": {"name": "f", "levels": ["a", "b"]},
+    "Film": {"scene": Scene("person"), "seconds": 2.0},
+    "FreeText": {"name": "t"},
+    "Image": {"file": "a.png", "width_deg": 5.0},
+    "Items": {"file": "a.csv"},
+    "Keys": {"name": "k", "options": ["f", "j"]},
+    "Measure": {"column": "c", "unit": "1", "words": "w"},
+    "Near": {"weights": {"a": 1.0}},
+    "Number": {"name": "n"},
+    "Pairs": {"family": "f", "measures": ["m"], "factor": "f", "levels": [("a", "b")]},
+    "Panorama": {"file": "a.png"},
+    "Placed": {"places_m": [(0, 1, 0)]},
+    "Pointing": {"name": "p"},
+    "Printed": {"is_significant": True},
+    "PrintedOrder": {"order": "a > b", "measure": "m", "where": "w"},
+    "Psychometric": {"name": "p"},
+    "QuestPlus": {"name": "q", "levels": [1.0, 2.0], "thresholds": [1.0, 2.0]},
+    "Race": {"drift": {"a": 1.0, "b": 2.0}},
+    "Rating": {"name": "r"},
+    "Room": {"file": "a.glb"},
+    "Shape": {"kind": "ellipse"},
+    "SideBySide": {"name": "s", "left": "a", "right": "b"},
+    "Slider": {"name": "s"},
+    "Sound": {"file": "a.wav"},
+    "Source": {"citation": "c"},
+    "Staircase": {"name": "s", "start": 1.0, "step": 0.1},
+    "Text": {"text": "t"},
+    "Tone": {"frequency_hz": 440.0},
+    "Video": {"file": "a.mp4", "width_deg": 5.0},
+    "Voice": {"file": "a.wav"},
+    "WhenGazeOn": {"option": "o", "area": "a"},
+    "WhenNear": {"option": "o", "within_m": 1.0},
+}
+OTHERWISE_MADE = (
+    "Conclusion Live LiveFilm LiveScene MeasuredTrial Moulded Pair Pieces Scene Seen Staging Study "
+    "TrialRecord Waveform"
+).split()
+"""What functions of the kit hand over or return, what has rules of its own, or needs files."""
+LENIENT = {
+    *(("Choice", name) for name in ("options", "labels", "means", "keys")),
+    *(("Factor", name) for name in ("levels", "practice_only")),
+    *(("QuestPlus", name) for name in ("slopes", "lapses")),
+    ("Film", "scene"),
+    ("Keys", "options"),
+    ("Number", "unit"),
+}
+"""They take more than they hold, or say in words of their own what they do not take."""
 
 
 def keywords_of(keyword: str, value: Any) -> dict[str, Any]:
@@ -64,10 +131,11 @@ def test_it_says_what_the_keyword_takes(keyword: str, value: Any, says: str) -> 
 @pytest.mark.parametrize(
     ("value", "says"),
     [
-        ({"alpha": "x"}, r"Compare\('z', …\): alpha is 'x'; it takes a number"),
+        ({"alpha": "x"}, "Compare 'z': alpha is 'x'; it takes a number"),
         ({"test": "paird"}, "test is 'paird'; did you mean 'paired'"),
         ({"correction": "hochberg"}, "it takes 'none', 'holm', 'bonferroni' or 'bh'"),
         ({"published": 3}, r"published is 3; it takes Printed\(…\)"),
+        ({"within": {"side": 1}}, "within is .*; it takes a text or a list of texts"),
         ({"only": None}, "only is None; it takes names with what belongs to each"),
         ({"exploratory": "yes"}, "exploratory is 'yes'; it takes True or False"),
     ],
@@ -76,12 +144,31 @@ def test_what_stands_in_a_keywords_list_is_looked_at_before_anybody_comes(
     value: Any, says: str
 ) -> None:
     with pytest.raises(DesignError, match=says):
-        Study("kinds", **keywords_of("compare", [Compare("z", within="side", **value)]))
+        Study("kinds", **keywords_of("compare", [Compare("z", **{"within": "side", **value})]))
+
+
+@pytest.mark.parametrize("name", [*PARTS_OF_A_FILE, *SMALLEST])
+def test_what_a_study_file_makes_is_refused_by_the_name_of_what_is_of_another_kind(
+    name: str,
+) -> None:
+    made, smallest = getattr(visavis, name), SMALLEST.get(name, {})
+    made(**smallest)
+    for field in (f for f in fields(made) if f.init and (name, f.name) not in LENIENT):
+        for value in VALUES:
+            if not is_of_kind(value, field.type):
+                with pytest.raises(DesignError, match=f"{name}.*: {field.name} is "):
+                    made(**{**smallest, field.name: value})
+
+
+def test_every_dataclass_that_a_study_file_makes_looks_at_kinds() -> None:
+    classes = (getattr(visavis, name) for name in visavis.__all__)
+    dataclasses = {c.__name__ for c in classes if isinstance(c, type) and is_dataclass(c)}
+    assert {*PARTS_OF_A_FILE, *SMALLEST, *OTHERWISE_MADE} == dataclasses
 
 
 @pytest.mark.parametrize("levels", ["left", {"left": 1}, None, 3])
 def test_levels_of_a_factor_are_a_list_and_no_letters(levels: Any) -> None:
-    with pytest.raises(DesignError, match=r"factor side: levels is .*it takes a list"):
+    with pytest.raises(DesignError, match=r"Factor 'side': levels is .*it takes a list"):
         Factor("side", levels)
 
 

@@ -84,7 +84,7 @@ def test_answers_that_lead_to_no_function_say_why_and_give_no_number(levels, rig
     ("keywords", "says"),
     [
         ({"name": "a b"}, "letters"),
-        ({"function": "logit"}, "weibull or normal"),
+        ({"function": "logit"}, "'weibull' or 'normal'"),
         ({"guess": 0.5, "lapse": 0.5}, "below 1"),
         ({"guess": -0.1}, "0 or more"),
     ],

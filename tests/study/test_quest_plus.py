@@ -111,7 +111,7 @@ def test_the_measure_of_a_cell_is_what_is_known_after_its_last_answer():
         ({"slopes": ()}, "rise"),
         ({"levels": (0.0, 1.0)}, "above 0"),
         ({"guess": 0.99}, "below 1"),
-        ({"function": "logit"}, "weibull or normal"),
+        ({"function": "logit"}, "'weibull' or 'normal'"),
         ({"name": "a b"}, "letters"),
     ],
 )

@@ -202,7 +202,7 @@ WITH_RULE = STUDY.replace("Confusion, Factor", "Confusion, Exclusion, Factor").r
 )
 RULE_SLIPS = [
     ('"comfort_ms"', '"comfrot_ms"', "no column of trials 'comfrot_ms'; did you mean 'comfort_ms'"),
-    ('"trial"', '"trail"', "no level 'trail'; did you mean 'trial'?"),
+    ('"trial"', '"trail"', "level is 'trail'; did you mean 'trial'?"),
     ('"trial", "comfort_ms"', '"participant", "bad_trial_01"', "did you mean 'bad_trials_01'?"),
 ]
 

@@ -138,16 +138,19 @@ def test_an_answer_called_as_a_measure_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        ('t.show(Text("a", height_deg="5"), 1)', "Text: height_deg is '5'; it takes a number"),
+        (
+            't.show(Text("a", height_deg="5"), 1)',
+            "Text 'a': height_deg is '5'; it takes a number, without",
+        ),
         ('t.show(Text("a", at_deg=3), 1)', r"at_deg is 3; it takes two numbers, such as \(5, 0\)"),
-        ('t.show(Text("a", colour=3), 1)', "the colour 3 is not three whole numbers"),
+        ('t.show(Text("a", colour=3), 1)', "colour is 3; it takes a text or 3 whole numbers"),
         ('t.show(Grating(phase_deg="45"), 1)', "phase_deg is '45'; it takes a number, without"),
         ('t.show(Grating(phase_deg=float("nan")), 1)', "phase_deg is nan; give degrees"),
         ('t.show(Tone("440"))', "Tone: frequency_hz is '440'; it takes a number"),
         ('t.show(Text("a"), "2")', "t.show: seconds is '2'; it takes a number, without quotes"),
         ('t.show(Text("a"), 1, reveal="gaze", window_deg="5")', "t.show: window_deg is '5'"),
         ('t.show(Text("a"), 1, until=gaze_on("a", "1"))', "gaze_on: seconds is '1'; it takes a n"),
-        ('t.ask(Rating("nice", "1", 7))', "Rating: low is '1'; it takes a whole number"),
+        ('t.ask(Rating("nice", "1", 7))', "Rating 'nice': low is '1'; it takes a whole number"),
     ],
 )
 def test_a_value_of_another_kind_is_refused_with_what_its_argument_takes(
@@ -165,7 +168,9 @@ def test_what_a_comparison_expects_is_a_text(tmp_path: Path) -> None:
     compare = 'compare=[Compare("nice", within="motion", expects={"motion": "a > b"})]'
     path = written(tmp_path, "uses=[]", f"uses=[], {compare}")
     path.write_text("from visavis import Compare\n" + path.read_text("utf-8"), "utf-8")
-    with pytest.raises(DesignError, match=r"Compare: expects is {'motion': .*; it takes a text"):
+    with pytest.raises(
+        DesignError, match=r"Compare 'nice': expects is {'motion': .*; it takes a text"
+    ):
         find_study(str(path))
 
 

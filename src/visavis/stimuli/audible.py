@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final, Literal, TypeAlias, get_args
+from pathlib import Path
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 from visavis.stimuli.sound import MAX_S, Waveform
 
 Ear: TypeAlias = Literal["both", "left", "right"]
@@ -19,6 +21,7 @@ MAX_GAIN_DB: Final = 20.0
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Tone:
     """A sinusoidal tone of `frequency_hz` for some seconds, with ramps of 5 ms in them.
 
@@ -42,10 +45,10 @@ class Tone:
                 f"{MAX_S:g}"
             )
         _require_level("Tone", self.level_db)
-        _require_ear("Tone", self.ear)
 
 
 @dataclass(frozen=True)
+@of_kinds(file=str | Path, level_db=float | np.ndarray | None)
 class Sound:
     """A sound of a file beside the study's (WAV, FLAC or OGG).
 
@@ -69,7 +72,6 @@ class Sound:
             raise DesignError("Sound: name its file, which lies beside the study's")
         if self.level_db is not None:
             _require_level(f"Sound {self.file!r}", self.level_db)
-        _require_ear(f"Sound {self.file!r}", self.ear)
 
 
 Audible: TypeAlias = Tone | Sound
@@ -126,8 +128,3 @@ def _require_level(what: str, level_db: float) -> None:
             f"{what}: level_db is {level_db:g}; decibels relative to full scale, from "
             f"{MIN_LEVEL_DB:g} to 0"
         )
-
-
-def _require_ear(what: str, ear: str) -> None:
-    if ear not in get_args(Ear):
-        raise DesignError(f"{what}: ear is {ear!r}; {', '.join(get_args(Ear))}")

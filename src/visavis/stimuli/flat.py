@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, get_args
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 from visavis.lab.yaml_lines import did_you_mean
 
 COLOURS: Final = {
@@ -115,6 +116,7 @@ def _require_place(what: str, at_deg: tuple[float, float]) -> tuple[float, float
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Text:
     """Words in one or more lines; `height_deg` is the height of a line's letters from the top of
     an h to the bottom of a g, `at_deg` their middle, right of and above what is straight ahead.
@@ -136,6 +138,7 @@ class Text:
 
 
 @dataclass(frozen=True)
+@of_kinds(file=str | Path, areas=str | Path)
 class Image:
     """A picture of a file beside the study's (PNG, JPEG, …), `width_deg` wide or `height_deg` high;
     the other follows from its pixels. `areas` names a file of areas of interest in its pixels.
@@ -160,6 +163,7 @@ class Image:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Shape:
     """A rectangle, ellipse, cross or triangle, `width_deg` by `height_deg` (left out: as wide);
     filled or, with `line_deg`, an outline of that width (a cross: its bars).
@@ -174,10 +178,6 @@ class Shape:
 
     def __post_init__(self) -> None:
         _write_plain_numbers(self)
-        if self.kind not in get_args(Kind):
-            raise DesignError(
-                f"there is no shape {self.kind!r}{did_you_mean(self.kind, get_args(Kind))}"
-            )
         high = self.width_deg if self.height_deg is None else self.height_deg
         _require_size(f"Shape {self.kind}", width_deg=self.width_deg, height_deg=high)
         object.__setattr__(self, "height_deg", float(high))
@@ -188,6 +188,7 @@ class Shape:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Grating:
     """A sinusoidal grating around the middle grey (128) it stands on; with a Gaussian `mask` a
     Gabor patch.
@@ -216,8 +217,6 @@ class Grating:
             raise DesignError(f"Grating: contrast_01 is {self.contrast_01:g}; from 0 to 1")
         angles_deg = {n: getattr(self, n) for n in ("orientation_deg", "phase_deg")}
         _require_angle("Grating", **angles_deg)
-        if self.mask not in get_args(Mask):
-            raise DesignError(f"Grating: mask is {self.mask!r}; {', '.join(get_args(Mask))}")
         sd_deg = self.width_deg / 6 if self.sd_deg is None else self.sd_deg
         _require_size("Grating", sd_deg=sd_deg)
         object.__setattr__(self, "sd_deg", float(sd_deg))
@@ -225,6 +224,7 @@ class Grating:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Dots:
     """Random dots in a field `width_deg` wide, of which the share `coherence_01` moves in one
     direction (0 to the right, 90 upwards), at `speed_deg_per_s`, `rate_hz` times a second.
@@ -268,12 +268,7 @@ class Dots:
             )
         if self.lifetime_s is not None and not 0.0 < self.lifetime_s < math.inf:
             raise DesignError(f"Dots: lifetime_s is {self.lifetime_s:g}; above 0, or left out")
-        for name, kinds in (("noise", Noise), ("aperture", Aperture)):
-            if getattr(self, name) not in get_args(kinds):
-                raise DesignError(
-                    f"Dots: {name} is {getattr(self, name)!r}; {' or '.join(get_args(kinds))}"
-                )
-        if self.seed is not None and not (isinstance(self.seed, int) and 0 <= self.seed < MAX_SEED):
+        if self.seed is not None and not 0 <= self.seed < MAX_SEED:
             raise DesignError(f"Dots: seed is {self.seed!r}; a whole number from 0, below 2**32")
         count = self.density_per_deg2 * self.width_deg**2
         if not 1.0 <= count <= MAX_DOTS:
@@ -286,6 +281,7 @@ class Dots:
 
 
 @dataclass(frozen=True)
+@of_kinds(file=str | Path, areas=str | Path)
 class Video:
     """A film of a file beside the study's (MP4, WebM, …), `width_deg` wide or `height_deg` high;
     the other follows from its pixels. After its end its last picture stays.
@@ -318,6 +314,7 @@ class Video:
 
 
 @dataclass(frozen=True)
+@of_kinds(file=str | Path, areas=str | Path)
 class Panorama:
     """A picture or film all around, 360 by 180 degrees (equirectangular), of a file beside the
     study's.
@@ -340,11 +337,6 @@ class Panorama:
         _write_plain_numbers(self)
         object.__setattr__(self, "file", str(self.file))
         object.__setattr__(self, "areas", str(self.areas))
-        if self.stereo not in get_args(Stereo):
-            raise DesignError(
-                f"Panorama {self.file!r}: stereo is {self.stereo!r}"
-                f"{did_you_mean(self.stereo, get_args(Stereo))}"
-            )
         if not -360.0 <= self.yaw_deg <= 360.0:
             raise DesignError(f"Panorama {self.file!r}: yaw_deg is {self.yaw_deg:g}; -360 to 360")
         if not self.is_film and (self.level_db is not None or not self.is_heard):

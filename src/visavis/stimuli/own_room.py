@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 from visavis.lab.screen import PlacedScreen
 
 DRAWN_ROOM: Final = "visavis.stimuli.dressing.own_room:drawn_room"
@@ -14,6 +15,7 @@ DRAWN_ROOM: Final = "visavis.stimuli.dressing.own_room:drawn_room"
 
 
 @dataclass(frozen=True)
+@of_kinds(file=str | Path)
 class Room:
     """A room of a glTF binary (.glb) beside the study's file, as the place of a scene, or alone.
 
@@ -27,14 +29,8 @@ class Room:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "file", str(self.file))
-        try:
-            x, y, z = (float(v) for v in self.stand_m)
-            yaw_deg = float(self.yaw_deg)
-        except (TypeError, ValueError) as error:
-            raise DesignError(
-                f"Room {self.file!r}: stand_m is {self.stand_m!r} and yaw_deg {self.yaw_deg!r}; "
-                "give (x, y, z) in metres of the file, and degrees"
-            ) from error
+        x, y, z = map(float, self.stand_m)
+        yaw_deg = float(self.yaw_deg)
         if not np.isfinite([x, y, z]).all() or not -360.0 <= yaw_deg <= 360.0:
             raise DesignError(
                 f"Room {self.file!r}: stand_m is ({x:g}, {y:g}, {z:g}) and yaw_deg {yaw_deg:g}; "

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 from visavis.protocol.plan.columns import Column
 from visavis.study.exclusions import Exclusion
 
@@ -30,6 +31,7 @@ SIGNS: Final = {
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Careless:
     """The signs checked in the numeric answers to one question.
 

@@ -12,6 +12,7 @@ from visavis.analysis.statistics.published import check_f
 from visavis.analysis.statistics_report import Question
 from visavis.analysis.statistics_report.outcome import TESTS_OF_FACTORS
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.plan.steps import Scalar
 from visavis.study.conditions import Groups, condition_of, fulfils
@@ -124,6 +125,7 @@ def published_f(
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Compare:
     """A planned comparison of one measure over factors.
 
@@ -208,9 +210,6 @@ class Compare:
                     f"the comparison of {self.dv} has no factor whose effect it could name; say "
                     "what it would show: claim= or expects="
                 )
-        if self.model not in get_args(Model):
-            models = ", ".join(name for name in get_args(Model) if name)
-            raise DesignError(f"model is {self.model!r}; it is {models} or left out")
         if self.model and self.test:
             raise DesignError(f"the comparison of {self.dv} names a test and a model; choose one")
         object.__setattr__(self, "options", tuple(self.options))

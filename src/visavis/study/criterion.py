@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Criterion:
     """Practice is repeated until the column `of` is true in `min_01` of the trials of a round.
 

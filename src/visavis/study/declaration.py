@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import wrong_kind
 from visavis.lab.parts import missing_attribute, part_of, parts_from, takes_keywords_of
 from visavis.protocol.plan.design import Design, Factor
 from visavis.protocol.plan.parameters import parameters_from
-from visavis.study.arguments import wrong_fields, wrong_kind
 from visavis.study.items import order_rules
 from visavis.study.parts import (
     KINDS,
@@ -380,10 +380,6 @@ def _other_kind(keyword: str, value: Any) -> Iterator[str]:
     if not problems and (wrong := wrong_kind(keyword, value, _HINTS[keyword])):
         problems = [wrong]
     yield from problems
-    # Levels of factors have rules of their own (`impossible_levels`).
-    if not problems and keyword not in (*PARTS, "factors"):
-        for one in value if keyword in KINDS else (value,):
-            yield from wrong_fields(one)
 
 
 def _no_list(keyword: str, value: Any) -> Iterator[str]:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
+from visavis.lab.kinds import of_kinds
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.stimuli.dressing.office import look_of
 from visavis.stimuli.dressing.picture_of import picture_of
@@ -54,6 +55,7 @@ def floor_distances_m(frame: SceneFrame, t_ns: int, eyes_m: Vector) -> npt.NDArr
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class WhenNear:
     """What a simulated person's answer to `Keys` may be: to press `option` as soon as somebody whom
     they see is `within_m` or nearer, and `other_s` later, which seeing and pressing take.

@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final, Literal
 
 import numpy as np
 
-from visavis.lab.errors import DesignError, UsageError
-from visavis.lab.yaml_lines import did_you_mean
+from visavis.lab.errors import UsageError
+from visavis.lab.kinds import of_kinds
 from visavis.study.measures import CLOCK_JUMP, HEAD_LOST_COLUMN, LOST_COLUMN
 
 Level = Literal["trial", "participant"]
@@ -31,6 +31,7 @@ COLUMN_WORDS: Final[Mapping[str, str]] = {
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Exclusion:
     """A rule: a `column` above (or below) a `limit` excludes a trial or a participant.
 
@@ -50,11 +51,6 @@ class Exclusion:
     missing_is_out: bool = False
     what: str = ""
     """The column in words, as in "trials with WHAT above 0.5"."""
-
-    def __post_init__(self) -> None:
-        if self.level not in get_args(Level):
-            near = did_you_mean(self.level, get_args(Level))
-            raise DesignError(f"Exclusion {self.name}: there is no level {self.level!r}{near}")
 
     @property
     def column_words(self) -> str:

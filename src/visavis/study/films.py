@@ -7,12 +7,13 @@ shows its scene itself.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector, quat_from_yaw_pitch_deg, unit, yaw_pitch_deg_of
+from visavis.lab.kinds import of_kinds
 from visavis.protocol.plan.columns import Column
 from visavis.stimuli.camera.shots import ShotSize
 from visavis.study.live import LiveScene
@@ -57,6 +58,7 @@ The film's name goes before each of these.
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Lens:
     """A camera that stands still, in metres of the scene: the eye, the point it aims at, and half
     the height of the picture one metre away.
@@ -81,6 +83,7 @@ class Lens:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Directed:
     """A director films whoever plays the `subject`: on the `tracks` that the room's own topology
     gives, or between places `scattered` in it at random; with `cuts`, and moving or standing still
@@ -102,6 +105,7 @@ class Directed:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Following:
     """A camera that follows whoever plays the `subject` at fixed distances behind them, above their
     head and to their right, and never cuts.
@@ -121,6 +125,7 @@ class Following:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Placed:
     """Cameras at places (x, y, z) in metres that turn to whoever plays the `subject`; the film
     cuts to the one that shows them best.
@@ -144,6 +149,7 @@ def _check_view(fov_v_deg: float) -> None:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Voice:
     """The sound of a film: a recording (WAV) beside the study, from `from_s` seconds on.
 
@@ -167,6 +173,7 @@ Moving: TypeAlias = Directed | Following | Placed
 
 
 @dataclass(frozen=True)
+@of_kinds(scene=Any)
 class Film:
     """A scene from its onset on, `seconds` long, at `rate_hz` pictures a second.
 
@@ -207,6 +214,7 @@ class Film:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Pair:
     """Two films side by side that begin together."""
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG, LOST, aoi_of_samples
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.steps import FrameView, GazeView, Scalar
 from visavis.stimuli.areas import Areas, areas_under
@@ -77,6 +78,7 @@ def gaze_on(name: str, seconds: float, *, pad_deg: float = DEFAULT_PAD_DEG) -> G
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class WhenGazeOn:
     """What a simulated person's answer to `Keys` may be: to press `option` once they have looked at
     an area for `seconds` without looking elsewhere, and `other_s` later, which deciding and

@@ -19,6 +19,7 @@ import numpy as np
 
 from visavis.lab.errors import DataError, DesignError
 from visavis.lab.foreign_text import require_csv
+from visavis.lab.kinds import of_kinds
 from visavis.lab.plain_files import read_plain
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.design import SESSION, Factor
@@ -43,6 +44,7 @@ NUMBER: Final = re.compile(r"[+-]?(0|[1-9]\d*)(\.\d+)?")
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Items:
     """Stimuli of a table (CSV beside the study's file), one in a row, drawn without replacement.
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
+from visavis.lab.kinds import of_kinds
 from visavis.protocol.plan.columns import Column
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.motion.build import build_of_character
@@ -66,6 +67,7 @@ LIVE_COLUMNS: Final = (
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Slider(Number):
     """A slider that moulds a live figure, from `low` to `high`, which stands at `start` first."""
 
@@ -102,6 +104,7 @@ def walks(which: str, *names: str, character: str = "female_01") -> Examples:
 
 
 @dataclass(frozen=True, eq=False)
+@of_kinds()
 class Live:
     """A figure that sliders blend from examples.
 
@@ -176,6 +179,7 @@ class Live:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Near:
     """A figure is near enough to another blend: the mean distance of its joints is below
     `within_m`, over `poses` moments of a cycle that are aligned by key times.

@@ -39,6 +39,7 @@ from visavis.analysis.gaze.stamps import order_of
 from visavis.analysis.gaze.targets import GazeTargets
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DataError
+from visavis.lab.kinds import of_kinds
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Row, Scalar
 from visavis.study.measures import LOOKS, TrialRecord
@@ -319,6 +320,7 @@ def sensitivity_rows(
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class LooksOn:
     """Ask for everything about looks on the agent whose index a trial's row names.
 

@@ -17,6 +17,7 @@ from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
 from visavis.analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS, LookMeasures, measure_trial
 from visavis.analysis.gaze.targets import GazeTargets, PartGaze, gaze_of_part
 from visavis.lab.errors import DataError, DesignError, UsageError
+from visavis.lab.kinds import of_kinds
 from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
@@ -154,6 +155,7 @@ class OfCell(Protocol):
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Measure:
     """A measure of a trial.
 

@@ -5,11 +5,13 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from visavis.analysis.statistics.results import p_text
+from visavis.lab.kinds import of_kinds
 
 SharedAlpha = Literal["measures", "levels", "each"]
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Printed:
     """The published result of one test.
 
@@ -49,6 +51,7 @@ PrintedOf: TypeAlias = Callable[[Any], Printed | None]
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Pairs:
     """A family of paired tests: every measure between every pair of levels of one factor.
 
@@ -77,6 +80,7 @@ class Pairs:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Correlate:
     """A family of rank correlations: every measure at every level of a factor with one score.
 

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
+from visavis.lab.kinds import of_kinds
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.parameters import parameters_from
 from visavis.recording.reader import Recording
@@ -38,6 +39,7 @@ class MeasuredTrial:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Pieces:
     """How the trials of a study are measured one by one from the recording.
 

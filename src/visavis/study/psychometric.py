@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from visavis.analysis.psychometric import (
     fit_psychometric,
 )
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 from visavis.study.measures import Measure
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ Value = Literal["threshold", "slope", "lapse_01"]
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Psychometric:
     """A psychometric function, fitted to the answers of every person at each level.
 
@@ -47,9 +49,6 @@ class Psychometric:
             raise DesignError(
                 f"a psychometric function is called {self.name!r}; give letters, digits and _"
             )
-        if self.function not in get_args(PsychometricFunction):
-            functions = " or ".join(get_args(PsychometricFunction))
-            raise DesignError(f"function {self.name} is {self.function!r}; it is {functions}")
         rates = [rate for rate in (self.guess, self.lapse) if rate is not None]
         if any(not 0 <= rate < 1 for rate in rates) or sum(rates) >= 1:
             raise DesignError(

@@ -7,13 +7,14 @@ Watson (2017), QUEST+: A general multidimensional Bayesian adaptive psychometric
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from visavis.analysis.psychometric import INTERVAL_01, PsychometricFunction, share_right
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
 from visavis.study.staircase import require_verdict
@@ -22,6 +23,7 @@ Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+@of_kinds(slopes=float | Sequence[float], lapses=float | Sequence[float])
 class QuestPlus:
     """A rule by which the next of `levels` is the one after whose answer the least is unknown of
     the threshold, the slope and the lapses, each on its own grid and as likely at first.
@@ -53,9 +55,6 @@ class QuestPlus:
                 )
         if not self.name.isidentifier():
             raise DesignError(f"QUEST+ is called {self.name!r}; give letters, digits and _")
-        if self.function not in get_args(PsychometricFunction):
-            known = " or ".join(get_args(PsychometricFunction))
-            raise DesignError(f"QUEST+ {self.name}: function is {self.function!r}; {known}")
         if len(self.levels) < 2 or len(self.thresholds) < 2:
             raise DesignError(f"QUEST+ {self.name}: give two or more levels and thresholds")
         if self.slopes[0] <= 0 or (

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Race:
     """What a simulated person's answer may be instead of an option: a race of accumulators.
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final, TypeAlias
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
 
@@ -117,6 +118,7 @@ class _OptionResponse(_Response):
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Rating(_Response):
     """A whole number from `low` to `high`."""
 
@@ -147,6 +149,9 @@ class Rating(_Response):
 
 
 @dataclass(frozen=True)
+@of_kinds(
+    options=Sequence[Scalar], labels=Sequence[Scalar], means=Sequence[Scalar], keys=Sequence[Scalar]
+)
 class Choice(_OptionResponse):
     """One of several options (n-AFC); `right` is the correct one, if there is one.
 
@@ -208,6 +213,7 @@ class Choice(_OptionResponse):
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class SideBySide(_Response):
     """Which of two things shown side by side; `left` and `right` name what was shown there."""
 
@@ -234,6 +240,7 @@ class SideBySide(_Response):
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class FreeText(_Response):
     """Free text, typed."""
 
@@ -246,6 +253,7 @@ class FreeText(_Response):
 
 
 @dataclass(frozen=True)
+@of_kinds(unit=Any)
 class Number(_Response):
     """A typed number; missing when the text is not a number or out of bounds.
 
@@ -294,6 +302,7 @@ class Number(_Response):
 
 
 @dataclass(frozen=True, init=False)
+@of_kinds(options=Sequence[Scalar])
 class Keys(_OptionResponse):
     """A press of one of `options` (controls of the response device), timed from the onset.
 
@@ -352,6 +361,7 @@ class Keys(_OptionResponse):
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Pointing(_Response):
     """A direction pointed at with a tracked hand, a controller or the head, then confirmed.
 

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 from math import inf
-from typing import Final, Literal, get_args
+from typing import Final, Literal
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 
 Resumes = Literal["step", "trial", "block", "start"]
 Later = Literal["refuse", "restart"]
@@ -13,6 +14,7 @@ EXPIRED: Final = "expired"
 
 
 @dataclass(frozen=True, kw_only=True)
+@of_kinds()
 class Returning:
     """How old a begun visit may be, where it goes on, and what happens to an older one.
 
@@ -31,12 +33,6 @@ class Returning:
     def __post_init__(self) -> None:
         if not self.within_h > 0:
             raise DesignError(f"returning: within_h is {self.within_h}; give hours above 0")
-        for name, value, known in (
-            ("resumes", self.resumes, get_args(Resumes)),
-            ("later", self.later, get_args(Later)),
-        ):
-            if value not in known:
-                raise DesignError(f"returning: {name} is {value!r}; it is {', '.join(known)}")
 
     @property
     def is_usual(self) -> bool:

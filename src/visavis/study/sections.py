@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from visavis.lab.kinds import of_kinds
 from visavis.protocol.plan.columns import Column
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ SectionOf: TypeAlias = Callable[[AnalysisOfStudy, ExperimentOfStudy], Extra]
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Confusion:
     """Confusion matrices of a choice; goes into a study's `sections`.
 

@@ -7,9 +7,10 @@ source states in words.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 from visavis.protocol.plan.steps import Scalar
 from visavis.study.conditions import condition_of
 from visavis.study.expectations import orders_of
@@ -25,6 +26,7 @@ class MeanSd(NamedTuple):
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Fact:
     """One thing that a source says about its study, and what this study does.
 
@@ -52,8 +54,6 @@ class Fact:
 
     def __post_init__(self) -> None:
         about = f"the fact {self.what!r} of the source"
-        if self.kind not in get_args(FactKind):
-            raise DesignError(f"{about} is of kind {self.kind!r}; {', '.join(get_args(FactKind))}")
         if self.of and self.here != "":
             raise DesignError(f"{about} says of= and here=; give one of them")
         if self.is_stronger and not self.because:
@@ -65,6 +65,7 @@ class Fact:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class PrintedOrder:
     """An order that a source states, in words or by significant differences.
 
@@ -119,6 +120,7 @@ class PrintedOrder:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Source:
     """The publication that a study repeats: its citation and its published values.
 

@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import of_kinds
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Staircase:
     """A rule by which a level goes down after `down` right answers in a row and up after `up` wrong
     ones, from `start` by `step` (upwards by `step_up`, if that differs), within `low` and `high`.

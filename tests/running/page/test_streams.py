@@ -13,8 +13,8 @@ def script(name: str) -> str:
 
 def test_page_and_server_have_the_same_limits() -> None:
     assert f"const MAX_ROWS = {MAX_ROWS};" in script("streams.js")
-    assert f"const MOST_BYTES = {POST_BYTES // 1024} * 1024;" in script("page.js")
-    assert f"const MOST_HEARD = {MAX_POSTS};" in script("page.js")
+    assert f"const MAX_BYTES = {POST_BYTES // 1024} * 1024;" in script("page.js")
+    assert f"const MAX_HEARD = {MAX_POSTS};" in script("page.js")
 
 
 def test_a_page_sends_no_stream_and_no_happening_that_the_wire_does_not_name() -> None:

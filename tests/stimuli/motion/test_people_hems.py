@@ -18,7 +18,7 @@ from visavis.stimuli.motion.skeleton import forward
 CAST = load_cast()
 STRIDE_S = np.arange(2.0, 3.1, 0.15)
 COVERED_M = 0.02
-MOST_THROUGH, MOST_SHOWN = 0.03, 0.05
+MAX_THROUGH_01, MAX_SHOWN_01 = 0.03, 0.05
 """Shares of what a garment covers that may come through it in motion, and be out at rest."""
 
 
@@ -70,8 +70,8 @@ def test_thighs_of_walkers_and_sitters_do_not_come_through_their_tops(character:
     top = top[rest_m[top, 1] < 0.1]
     front = rest_m[trousers, 2] < -0.04
     covered = trousers[front & (rest_m[trousers, 1] > rest_m[top, 1].min() + COVERED_M)]
-    assert MOST_THROUGH > through_01(character, Walk(), STRIDE_S, covered, top, 0.008)
-    assert MOST_THROUGH > through_01(character, Sit(), np.array([1.0]), covered, top, 0.008)
+    assert MAX_THROUGH_01 > through_01(character, Walk(), STRIDE_S, covered, top, 0.008)
+    assert MAX_THROUGH_01 > through_01(character, Sit(), np.array([1.0]), covered, top, 0.008)
 
 
 @pytest.mark.parametrize("name", [recipe.name for recipe in RECIPES if recipe.shoes != "loafer"])
@@ -89,5 +89,5 @@ def test_shoes_of_walkers_stay_below_their_trousers(name: str) -> None:
     covered = shoes[rest_m[shoes, 1] > hem_m + 0.012]
     assert len(covered) > 20
     shown_01 = is_out(rest_m[covered], rest_m[trousers], mesh.normals[trousers], 0.0).mean()
-    assert MOST_SHOWN > shown_01
-    assert MOST_THROUGH > through_01(character, Walk(), STRIDE_S, covered, trousers, 0.001)
+    assert MAX_SHOWN_01 > shown_01
+    assert MAX_THROUGH_01 > through_01(character, Walk(), STRIDE_S, covered, trousers, 0.001)

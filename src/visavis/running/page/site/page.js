@@ -11,10 +11,10 @@ const BEAT_MS = 4000;
 const WAITING_MS = 3000;
 const RETRY_MS = [200, 400, 800, 1500, 2000];
 const REPEAT_ASKING_MS = 2500;
-const MOST_AT_ONCE = 200;
-const MOST_BYTES = 256 * 1024;
-const MOST_WAITING = 4800; // events: ten minutes of a headset's four streams
-const MOST_HEARD = 64;
+const MAX_AT_ONCE = 200;
+const MAX_BYTES = 256 * 1024;
+const MAX_WAITING = 4800; // events: ten minutes of a headset's four streams
+const MAX_HEARD = 64;
 
 const SESSION = `visavis-session${wire.scope}`;
 const ONWARD_MS = 4000;
@@ -46,7 +46,7 @@ let cleanUp = () => {};
 let hiddenSince = null;
 let hiddenMs = 0;
 let putMs = 0;
-let mostBytes = MOST_BYTES;
+let mostBytes = MAX_BYTES;
 let posts = 0;
 let arrivals = []; // of earlier posts: number, and when their answers came
 
@@ -89,7 +89,7 @@ const post = (path, body) => wire.post(path, key, body);
 
 async function send(kind, more = {}) {
   if ((isOver || !mayRecord()) && kind !== "reply") return;
-  if (kind === "stream" && queue.length >= MOST_WAITING) { giveUp(); return; }
+  if (kind === "stream" && queue.length >= MAX_WAITING) { giveUp(); return; }
   const event = { n: next++, kind, at_ms: performance.now(), tab, ...more };
   queue.push(event);
   numberRows(event);
@@ -104,7 +104,7 @@ function numberRows({ kind, stream, seq0, rows }) {
 // A post stays far below what a server takes at once, however long the connection was lost.
 function firstOf(events) {
   let bytes = 0;
-  const end = events.findIndex((e, i) => { bytes += JSON.stringify(e).length; return i >= MOST_AT_ONCE || (i > 0 && bytes > mostBytes); });
+  const end = events.findIndex((e, i) => { bytes += JSON.stringify(e).length; return i >= MAX_AT_ONCE || (i > 0 && bytes > mostBytes); });
   return end < 0 ? events : events.slice(0, end);
 }
 
@@ -121,7 +121,7 @@ async function flush() {
       try {
         // Four times of an exchange say how the clocks of page and server lie.
         posts += 1;
-        const [number, latest] = [posts, arrivals.slice(-MOST_HEARD)];
+        const [number, latest] = [posts, arrivals.slice(-MAX_HEARD)];
         const times = mayRecord() ? { sent_ms: performance.now(), wall_ms: Date.now(), post: number, heard: latest } : {};
         answer = await post("/api/events", { tab, events: sent, ...times });
         arrivals = [...arrivals.slice(latest.length), [number, performance.now()]];
