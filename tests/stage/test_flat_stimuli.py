@@ -201,7 +201,7 @@ def test_a_name_in_other_letters_is_pointed_out(tmp_path):
         (lambda: Text(" "), "nothing to read"),
         (lambda: Text("a", height_deg=0), "from 0 to 150 degrees"),
         (lambda: Image("a.png"), "width_deg or its height_deg"),
-        (lambda: Shape("circle"), "kind is 'circle'; it takes 'rectangle', 'ellipse', 'cross' or 'tr"),
+        (lambda: Shape("circle"), "kind is 'circle'; it takes 'rectangle', 'ellipse', "),
         (lambda: Grating(contrast_01=1.5), "from 0 to 1"),
         (lambda: Text("a", at_deg=(95, 0)), "degrees to the right"),
     ],

@@ -157,5 +157,5 @@ def test_bundle_goes_on_at_its_step_or_not_at_all(
     "keywords", [{"within_h": 0}, {"within_h": float("nan")}, {"resumes": "page"}, {"later": "ask"}]
 )
 def test_policy_that_says_nothing_possible_is_refused(keywords: dict[str, Any]) -> None:
-    with pytest.raises(DesignError, match="[Rr]eturning: "):
+    with pytest.raises(DesignError, match=r"[Rr]eturning: "):
         Returning(**keywords)
