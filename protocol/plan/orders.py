@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import takes_kinds
 from visavis.protocol.plan.steps import Scalar
 
 Cell: TypeAlias = Mapping[str, Scalar]
@@ -32,6 +33,7 @@ class Constraint:
     allows: Callable[[Sequence[Cell], Cell], bool]
 
 
+@takes_kinds()
 def no_more_than(count: int, factor: str) -> Constraint:
     """Allow at most `count` equal levels of a factor in a row."""
     if count < 1:
@@ -44,6 +46,7 @@ def no_more_than(count: int, factor: str) -> Constraint:
     return Constraint(f"at most {count} equal {factor!r} in a row", (factor,), count, allows)
 
 
+@takes_kinds()
 def never_next_to(factor: str, pairs: Collection[tuple[Scalar, Scalar]]) -> Constraint:
     """Forbid pairs of levels, in the order given, as direct neighbours (first, second)."""
     forbidden = frozenset(pairs)

@@ -1,5 +1,6 @@
 """What a study's keywords take, and what is said of a value of another kind."""
 
+import inspect
 import itertools
 from dataclasses import fields, is_dataclass
 from typing import Any, get_args
@@ -7,12 +8,15 @@ from typing import Any, get_args
 import pytest
 
 import visavis
-from visavis import Compare, Criterion, Factor, Scene, Study
+from visavis import Compare, Criterion, Factor, Keys, Rating, Scene, Slider, Study, Text
 from visavis.analysis.statistics_report import TESTS
 from visavis.lab.errors import DesignError
 from visavis.lab.kinds import is_of_kind, words_of_kind
+from visavis.study.actions import Action
 from visavis.study.comparisons import Test
 from visavis.study.declaration import PARTS
+from visavis.study.heard_trial import HeardTrial
+from visavis.study.trial import TrialScript
 
 HINTS = {f.name: f.type for part in PARTS.values() for f in fields(part)}
 VALUES = ("x", 3, 1.5, None, True, [3], {"a": 3}, object())
@@ -74,6 +78,28 @@ SMALLEST: dict[str, dict[str, Any]] = {
     "WhenGazeOn": {"option": "o", "area": "a"},
     "WhenNear": {"option": "o", "within_m": 1.0},
 }
+STEPS: dict[str, dict[str, Any]] = {
+    "ask": {"response": Rating("nice")},
+    "dark": {"seconds": 1.0},
+    "end": {"reason": "r"},
+    "key": {"response": Keys("space")},
+    "mark": {"name": "m"},
+    "mould": {"live": None, "sliders": [Slider("s")]},
+    "play": {"sound": "a.wav"},
+    "repeat": {"reason": "r"},
+    "show": {"what": Text("t")},
+    "vibrate": {"role": "armband_left"},
+    "wait": {"seconds": 1.0},
+    "walk_to": {"x_m": 1.0, "z_m": 1.0},
+    "watch": {"stimulus": None},
+}
+"""Steps of a trial, with arguments that are of their kind."""
+FUNCTIONS = (
+    "blink_count blink_rate column detection dwell_on dwell_share_on first_fixation_on "
+    "fixations_on gaze_on key_held looks_at motion_of never_next_to no_more_than pointer_at "
+    "psychometric_measures staircase_measures transitions view_range"
+).split()
+SEVERAL = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 OTHERWISE_MADE = (
     "Conclusion Live LiveFilm LiveScene MeasuredTrial Moulded Pair Pieces Scene Seen Staging Study "
     "TrialRecord Waveform"
@@ -86,6 +112,7 @@ LENIENT = {
     ("Film", "scene"),
     ("Keys", "options"),
     ("Number", "unit"),
+    ("show", "what"),
 }
 """They take more than they hold, or say in words of their own what they do not take."""
 
@@ -164,6 +191,43 @@ def test_every_dataclass_that_a_study_file_makes_looks_at_kinds() -> None:
     classes = (getattr(visavis, name) for name in visavis.__all__)
     dataclasses = {c.__name__ for c in classes if isinstance(c, type) and is_dataclass(c)}
     assert {*PARTS_OF_A_FILE, *SMALLEST, *OTHERWISE_MADE} == dataclasses
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_a_step_of_a_trial_is_refused_before_anybody_comes(name: str) -> None:
+    step, smallest = getattr(TrialScript, name), STEPS[name]
+    for argument, parameter in inspect.signature(step).parameters.items():
+        if argument == "self" or (name, argument) in LENIENT or parameter.kind in SEVERAL:
+            continue
+        for value in VALUES:
+            if not is_of_kind(value, parameter.annotation):
+                with pytest.raises(DesignError, match=rf"t\.{name}: {argument} is "):
+                    step(None, **{**smallest, argument: value})
+
+
+def test_every_step_of_a_trial_looks_at_kinds() -> None:
+    steps = {name for name, one in vars(TrialScript).items() if inspect.isfunction(one)}
+    steps |= {name for name, one in vars(HeardTrial).items() if inspect.isfunction(one)}
+    assert {
+        name
+        for name in steps
+        if inspect.signature(getattr(TrialScript, name)).return_annotation is Action
+        and len(inspect.signature(getattr(TrialScript, name)).parameters) > 1
+    } == set(STEPS)
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_functions_of_a_study_file_look_at_kinds(function: str) -> None:
+    called = getattr(visavis, function)
+    name, parameter = next(iter(inspect.signature(called).parameters.items()))
+    of_several = r"\[0\]" if parameter.kind in SEVERAL else ""
+    smallest = {
+        one: None
+        for one, other in inspect.signature(called).parameters.items()
+        if other.default is inspect.Parameter.empty and one != name and other.kind not in SEVERAL
+    }
+    with pytest.raises(DesignError, match=f"^{function}: {name}{of_several} is <object "):
+        called(object(), **smallest)
 
 
 @pytest.mark.parametrize("levels", ["left", {"left": 1}, None, 3])

@@ -1,5 +1,6 @@
 """What annotations take: values of another kind are told from others, and refused in words."""
 
+import functools
 import inspect
 from collections import abc
 from collections.abc import Callable, Iterator, Mapping
@@ -7,7 +8,17 @@ from dataclasses import fields
 from numbers import Integral, Real
 from pathlib import PurePath
 from types import NoneType, UnionType
-from typing import Any, Final, ForwardRef, Literal, TypeVar, Union, get_args, get_origin
+from typing import (
+    Any,
+    Final,
+    ForwardRef,
+    Literal,
+    ParamSpec,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+)
 
 import numpy as np
 
@@ -15,6 +26,8 @@ from visavis.lab.errors import DesignError
 from visavis.lab.yaml_lines import did_you_mean
 
 Kind = TypeVar("Kind", bound=type)
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
 _ROW: Final = (tuple, list, np.ndarray)
 
 
@@ -39,6 +52,52 @@ def of_kinds(**wider: Any) -> Callable[[Kind], Kind]:
         return cls
 
     return refusing
+
+
+def takes_kinds(
+    **wider: Any,
+) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
+    """Let a function refuse arguments of another kind than their annotations.
+
+    `wider` are annotations, by argument, of what it refuses in words of its own. An argument of
+    another kind raises DesignError with its name and what it takes; steps of a trial are `t.NAME`.
+    """
+
+    def refusing(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+        signature = inspect.signature(function)
+        is_step = next(iter(signature.parameters), "") == "self"
+        name = f"t.{function.__name__}" if is_step else function.__name__
+
+        @functools.wraps(function)
+        def called(*args: Arguments.args, **keywords: Arguments.kwargs) -> Result:
+            try:
+                values = signature.bind(*args, **keywords).arguments
+            except TypeError:
+                return function(*args, **keywords)  # Python says what is missing, or too much
+            if problems := list(_wrong_arguments(name, signature, values, wider)):
+                raise DesignError("; ".join(problems))
+            return function(*args, **keywords)
+
+        return called
+
+    return refusing
+
+
+def _wrong_arguments(
+    about: str, signature: inspect.Signature, values: Mapping[str, Any], wider: Mapping[str, Any]
+) -> Iterator[str]:
+    """Yield what is wrong with the arguments of a function."""
+    for name, value in values.items():
+        parameter = signature.parameters[name]
+        hint = wider.get(name, parameter.annotation)
+        several: Mapping[str, Any] = {name: value}
+        if parameter.kind is inspect.Parameter.VAR_POSITIONAL:
+            several = {f"{name}[{index}]": one for index, one in enumerate(value)}
+        elif parameter.kind is inspect.Parameter.VAR_KEYWORD:
+            several = value
+        for one_name, one in several.items():
+            if hint is not inspect.Parameter.empty and (wrong := wrong_kind(one_name, one, hint)):
+                yield f"{about}: {wrong}"
 
 
 def _wrong_fields(thing: Any, wider: Mapping[str, Any]) -> Iterator[str]:
@@ -110,7 +169,9 @@ def wrong_kind(name: str, value: object, hint: Any) -> str:
     """Return what is wrong with a value of another kind than an annotation; else nothing."""
     if is_of_kind(value, hint):
         return ""
-    near = did_you_mean(value, get_args(hint)) if get_origin(hint) is Literal else ""
+    hints = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    choices = [c for one in hints if get_origin(one) is Literal for c in get_args(one)]
+    near = did_you_mean(value, choices) if choices else ""
     if "did you mean" in near:
         return f"{name} is {value!r}{near}"
     words = words_of_kind(hint)
@@ -122,7 +183,8 @@ def words_of_kind(hint: Any) -> str:
     """Return in words what an annotation takes."""
     origin, arguments = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
-        return " or ".join(words_of_kind(one) for one in arguments if one is not NoneType)
+        *several, end = (words_of_kind(one) for one in arguments if one is not NoneType)
+        return f"{', '.join(several)} or {end}" if several else end
     if origin is Literal:
         *others, last = (repr(one) for one in arguments if one != "")
         return f"{', '.join(others)} or {last}"

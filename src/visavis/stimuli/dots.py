@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from visavis.lab.kinds import takes_kinds
 from visavis.stimuli.flat import Dots
 
 Floats = npt.NDArray[np.float64]
@@ -31,6 +32,7 @@ def places_deg(dots: Dots, step: int) -> Floats:
     return places
 
 
+@takes_kinds()
 def motion_of(dots: Dots, seconds: float) -> tuple[float, float]:
     """Return the mean motion of the dots that were drawn in some time from their onset, to the
     right and upwards in degrees a second.

@@ -20,6 +20,7 @@ from visavis.lab.clock import NS_PER_MS
 from visavis.lab.config import Screen
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, rotate
+from visavis.lab.kinds import takes_kinds
 from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.protocol.plan.steps import Scalar
 from visavis.stimuli.areas import (
@@ -164,6 +165,7 @@ def on_areas(
     return area
 
 
+@takes_kinds()
 def looks_at(
     *areas: str, scene: str = "stimulus", pad_deg: float = 0.0, prefix: str = ""
 ) -> tuple[Measure, ...]:
@@ -208,6 +210,7 @@ def _measures_of(area: str, scene: str, pad_deg: float, prefix: str) -> tuple[Me
     )
 
 
+@takes_kinds()
 def transitions(
     *areas: str, scene: str = "stimulus", pad_deg: float = 0.0, prefix: str = ""
 ) -> tuple[Measure, ...]:
@@ -237,6 +240,7 @@ def transitions(
     )
 
 
+@takes_kinds()
 def view_range(scene: str = "stimulus", *, prefix: str = "") -> Measure:
     """Return how much of a panorama was straight ahead, `view_range_deg`: from the farthest to the
     left to the farthest to the right, 360 at most. In a headset the head turns, before a monitor
@@ -273,6 +277,7 @@ def _range_ahead(record: TrialRecord, scene: str) -> float | None:
     return min(360.0, float(np.ptp(yaw_deg)))
 
 
+@takes_kinds()
 def pointer_at(*areas: str, scene: str = "stimulus", pad_deg: float = 0.0) -> tuple[Measure, ...]:
     """Return the measures of the pointer on each area that `reveal="pointer"` let it uncover on a
     page: `AREA_pointer_ms`, `AREA_pointer_share_01` of the time, `AREA_pointer_first_ms` (missing

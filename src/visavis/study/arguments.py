@@ -1,12 +1,9 @@
-"""The arguments of functions that a study file calls, and the errors for an unknown one and for
-values of another kind.
-"""
+"""The arguments of functions that a study file calls, and the errors for an unknown one."""
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any, Final
 
-from visavis.lab.kinds import KINDS
 from visavis.lab.yaml_lines import did_you_mean, names_or_none
 
 FORMER_NAMES: Final = {
@@ -39,24 +36,3 @@ def argument_names(function: Callable[..., Any]) -> tuple[str, ...]:
     kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     parameters = inspect.signature(function).parameters.values()
     return tuple(p.name for p in parameters if p.kind in kinds and p.name != "self")
-
-
-def other_kinds(what: str, taker: Callable[..., Any], values: Mapping[str, object]) -> list[str]:
-    """Return, for each argument whose value is not of its kind, what it takes instead.
-
-    Arguments of other annotations than those of `KINDS` take anything.
-    """
-    messages = []
-    for parameter in inspect.signature(taker).parameters.values():
-        annotation = parameter.annotation
-        name = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
-        kinds = [KINDS.get(part) for part in name.split(" | ")]
-        value = values.get(parameter.name)
-        if value is parameter.default or parameter.name not in values:
-            continue
-        if any(kind is None or kind[1](value) for kind in kinds):
-            continue
-        words = " or ".join(kind[0] for kind in kinds if kind is not None and kind[0])
-        hint = ", without quotes" if isinstance(value, str) and "number" in words else ""
-        messages.append(f"{what}: {parameter.name} is {value!r}; it takes {words}{hint}")
-    return messages

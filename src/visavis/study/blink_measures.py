@@ -16,6 +16,7 @@ from visavis.analysis.gaze.pupil_blinks import PupilBlinks, pupil_blinks
 from visavis.analysis.gaze.stamps import Times, order_of, typical_step_ns
 from visavis.analysis.gaze.targets import gaze_delay_ns
 from visavis.lab.clock import NS_PER_S
+from visavis.lab.kinds import takes_kinds
 from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording
 from visavis.study.measures import Measure, Of, SamplesUnreadable, TrialRecord
@@ -26,6 +27,7 @@ MIN_SEEN_01: Final = 0.5
 NS_PER_MIN: Final = 60 * NS_PER_S
 
 
+@takes_kinds()
 def blink_count(scene: str = "", *, column: str = "blink_count") -> Measure:
     """Return how many blinks began in a trial, or while a scene of it was shown.
 
@@ -35,6 +37,7 @@ def blink_count(scene: str = "", *, column: str = "blink_count") -> Measure:
     return Measure(column, "1", f"Blinks{_when(scene)}", of)
 
 
+@takes_kinds()
 def blink_rate(scene: str = "", *, column: str = "blinks_per_min") -> Measure:
     """Return blinks per minute of a trial, or of a scene of it; time without an eye left out.
 

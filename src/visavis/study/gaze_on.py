@@ -10,7 +10,7 @@ import numpy.typing as npt
 from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG, LOST, aoi_of_samples
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
-from visavis.lab.kinds import of_kinds
+from visavis.lab.kinds import of_kinds, takes_kinds
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.steps import FrameView, GazeView, Scalar
 from visavis.stimuli.areas import Areas, areas_under
@@ -61,6 +61,7 @@ class GazeOn:
         return GazeWatch(self, sheets, agent, on_ns)
 
 
+@takes_kinds()
 def gaze_on(name: str, seconds: float, *, pad_deg: float = DEFAULT_PAD_DEG) -> GazeOn:
     """Return the condition that somebody has looked at an area, by its name, or at the person of a
     role, for so long without looking elsewhere: `t.show(…, 5, until=gaze_on("cross", 0.5))`.

@@ -1,10 +1,11 @@
 """What is heard during a trial: sounds that are played, from a place or to both ears."""
 
 from pathlib import Path
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias
 
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import takes_kinds
 from visavis.protocol.plan.steps import FrameView, Hush, PlaySound, SoundOnset
 from visavis.stimuli.audible import MAX_GAIN_DB
 from visavis.stimuli.moving_heads import agents_at
@@ -20,6 +21,7 @@ Wait: TypeAlias = Literal["onset", "end", "no"]
 class HeardTrial(LitTrial):
     """The sounds of one trial, over its light."""
 
+    @takes_kinds()
     def play(
         self,
         sound: str | Path | Waveform,
@@ -42,8 +44,6 @@ class HeardTrial(LitTrial):
         Raises:
             DesignError: a value is not possible; for files, when the session is prepared.
         """
-        if wait not in get_args(Wait):
-            raise DesignError(f"t.play cannot wait for {wait!r}; {', '.join(get_args(Wait))}")
         if wait == "end" and loops:
             raise DesignError("t.play: a sound that loops has no end to wait for")
         if not -120.0 <= gain_db <= MAX_GAIN_DB:

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.kinds import takes_kinds
 from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording
 from visavis.study.measures import Measure, TrialRecord
@@ -23,6 +24,7 @@ FRAME_MS: Final = 50.0
 SAME_MS: Final = 1e-3
 
 
+@takes_kinds()
 def key_held(answer: str, *, column: str = "") -> Measure:
     """Return how long the key was held that gave an answer, from press to release, in ms.
 

@@ -17,7 +17,7 @@ from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
 from visavis.analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS, LookMeasures, measure_trial
 from visavis.analysis.gaze.targets import GazeTargets, PartGaze, gaze_of_part
 from visavis.lab.errors import DataError, DesignError, UsageError
-from visavis.lab.kinds import of_kinds
+from visavis.lab.kinds import of_kinds, takes_kinds
 from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
@@ -225,6 +225,7 @@ def _of_looks(role: str, scene: str, pad_deg: float, pick: Callable[[LookMeasure
     return of
 
 
+@takes_kinds()
 def dwell_on(
     role: str, *, scene: str = "scene", column: str = "dwell_ms", pad_deg: float = DEFAULT_PAD_DEG
 ) -> Measure:
@@ -239,6 +240,7 @@ def dwell_on(
     )
 
 
+@takes_kinds()
 def dwell_share_on(
     role: str,
     *,
@@ -260,6 +262,7 @@ def dwell_share_on(
     )
 
 
+@takes_kinds()
 def fixations_on(
     role: str,
     *,
@@ -278,6 +281,7 @@ def fixations_on(
     )
 
 
+@takes_kinds()
 def first_fixation_on(
     role: str,
     *,
@@ -326,6 +330,7 @@ def lost_head() -> Measure:
     return Measure(HEAD_LOST_COLUMN, "1", "Share of the trial without a tracked head", of)
 
 
+@takes_kinds()
 def column(
     name: str, unit: str = "1", words: str = "", *, aggregate: Aggregate = "mean"
 ) -> Measure:
@@ -333,6 +338,7 @@ def column(
     return Measure(name, unit, words or name.replace("_", " ").capitalize(), None, aggregate)
 
 
+@takes_kinds()
 def staircase_measures(staircase: Staircase | QuestPlus) -> tuple[Measure, ...]:
     """Return the columns of a staircase as measures: levels, and the threshold they lead to.
 

@@ -13,7 +13,7 @@ from visavis.analysis.psychometric import (
     fit_psychometric,
 )
 from visavis.lab.errors import DesignError
-from visavis.lab.kinds import of_kinds
+from visavis.lab.kinds import of_kinds, takes_kinds
 from visavis.study.measures import Measure
 
 if TYPE_CHECKING:
@@ -110,6 +110,7 @@ class FittedValue:
             return None
 
 
+@takes_kinds()
 def psychometric_measures(of: Psychometric) -> tuple[Measure, ...]:
     """Return threshold, slope and lapses of a psychometric function, fitted in every cell.
 

@@ -2,13 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal, TypeAlias, get_args
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
-from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import FrameView
 from visavis.stimuli.audible import Audible
@@ -187,9 +186,6 @@ def window_of(
     """
     if reveal is None:
         return None
-    names = get_args(Reveal)
-    if reveal not in names:
-        raise DesignError(f"t.show: reveal is {reveal!r}{did_you_mean(reveal, names)}")
     if not 0.1 <= window_deg <= 60:
         raise DesignError(f"t.show: window_deg is {window_deg:g}; from 0.1 to 60 degrees")
     if not 0 <= edge_deg <= window_deg:

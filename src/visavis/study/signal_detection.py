@@ -6,6 +6,7 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
 from visavis.lab.errors import DesignError
+from visavis.lab.kinds import takes_kinds
 from visavis.study.measures import Measure
 from visavis.study.responses import Response
 
@@ -95,6 +96,7 @@ def _is(values: "pd.Series[Any]", name: str) -> "pd.Series[bool]":
     return values.map(lambda value: _are_same(value, name)).astype(bool)
 
 
+@takes_kinds()
 def detection(answer: str, *, yes: object, signal: str, present: object) -> tuple[Measure, ...]:
     """Return the measures of signal detection of an answer, of every person and cell:
     `ANSWER_dprime`, `ANSWER_criterion` (above 0: rather "no"), `ANSWER_hit_01` and

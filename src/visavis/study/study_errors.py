@@ -13,7 +13,7 @@ from typing import Any, Final
 from visavis.lab.errors import DesignError, LabError
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.public_names import HOMES, public_object
-from visavis.study.arguments import argument_names, new_name, other_kinds, unknown_argument
+from visavis.study.arguments import argument_names, new_name, unknown_argument
 from visavis.study.trial import TrialScript
 
 MODULE_OF_STUDY: Final = "visavis_study_"
@@ -43,8 +43,7 @@ _IMPLICIT_ARGUMENTS: Final = frozenset(("base", "folder", "makers", "path", "pla
 def explain(error: BaseException) -> str:
     """Return the cause of an error in terms that the author of a study file knows.
 
-    For an unknown argument of the kit the message lists those that there are, and for a value of
-    another kind it says what the argument takes.
+    For an unknown argument of the kit the message lists those that there are.
     """
     match = _UNEXPECTED_ARGUMENT.search(str(error)) if isinstance(error, TypeError) else None
     taker = None if match is None else _of_kit(match["owner"] or "", match["called"])
@@ -57,9 +56,6 @@ def explain(error: BaseException) -> str:
         )
         return unknown_argument(str(callee), match["given"], arguments)
     own = isinstance(error, LabError)
-    kinds = _other_kinds(error) if isinstance(error, TypeError | AttributeError) else []
-    if kinds:
-        return "; ".join(kinds)
     if not own and isinstance(error, AttributeError) and _is_of_kit(error.obj):
         names = tuple(n for n in dir(error.obj) if not n.startswith("_"))
         near = did_you_mean(error.name, names)
@@ -67,24 +63,6 @@ def explain(error: BaseException) -> str:
         return f"a {type(error.obj).__name__.lower()} has no {error.name!r}{hint}"
     moved = _what_moved(error) if isinstance(error, ImportError) else ""
     return str(error) if own else f"{type(error).__name__}: {error}{moved}"
-
-
-def _other_kinds(error: TypeError | AttributeError) -> list[str]:
-    """Return what is wrong with the arguments of the kit's function that a user's file called."""
-    trace, user = error.__traceback__, _users_frame(error)[0]
-    while trace is not None and trace.tb_frame is not user:
-        trace = trace.tb_next
-    if trace is None or trace.tb_next is None:
-        return []
-    values = trace.tb_next.tb_frame.f_locals
-    name = trace.tb_next.tb_frame.f_code.co_name
-    owner = type(values.get("self")).__name__
-    taker = _of_kit(owner if name == "__init__" else "", name)
-    if taker is None:
-        return []
-    if name == "__init__":
-        return other_kinds(owner, taker, values)
-    return other_kinds(f"t.{name}" if hasattr(TrialScript, name) else name, taker, values)
 
 
 def _what_moved(error: ImportError) -> str:

@@ -18,6 +18,7 @@ from visavis.devices.contracts import VibrationPattern
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, Vector
+from visavis.lab.kinds import takes_kinds
 from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
@@ -193,6 +194,7 @@ class TrialScript(HeardTrial):
             return QuestPlusTrial(staircase, str(of), rows, self.row)
         return StaircaseTrial(staircase, str(of), rows, self.row)
 
+    @takes_kinds()
     def remember(self, row: Mapping[str, Any]) -> None:
         """Let later trials of the session know the row of this one, unless it comes again."""
         if isinstance(self.wish, Repeat):
@@ -202,10 +204,12 @@ class TrialScript(HeardTrial):
 
     # ---- steps ----
 
+    @takes_kinds()
     def dark(self, seconds: float) -> Action:
         """Show nothing for some seconds."""
         return Action("dark", lambda: self._dark(seconds), duration("dark", seconds))
 
+    @takes_kinds(what=Any)
     def show(
         self,
         what: Scene | Room | Stimuli,
@@ -328,6 +332,7 @@ class TrialScript(HeardTrial):
         rng = self.trial.rng(DOTS_STREAM + self._dots_count)
         return replace(flat, seed=int(rng.integers(MAX_SEED)))
 
+    @takes_kinds()
     def ask(
         self,
         response: Response | Text,
@@ -347,6 +352,7 @@ class TrialScript(HeardTrial):
         place = _Board(over_scene, at, size_m)
         return Action("ask", lambda: self._ask(response, place), response=response)
 
+    @takes_kinds()
     def watch(
         self,
         stimulus: Stimulus,
@@ -381,6 +387,7 @@ class TrialScript(HeardTrial):
             viewing=viewing,
         )
 
+    @takes_kinds()
     def mould(
         self,
         live: Live,
@@ -404,6 +411,7 @@ class TrialScript(HeardTrial):
         moulding = Moulding(live, tuple(sliders), until, limit_s, caption, is_blind)
         return Action("mould", lambda: self._mould(moulding), moulding=moulding)
 
+    @takes_kinds()
     def key(self, response: Keys) -> Action:
         """Wait for a press, timed from the last onset of a scene or sound.
 
@@ -411,10 +419,12 @@ class TrialScript(HeardTrial):
         """
         return Action("key", lambda: self._key(response), 0.0, response=response)
 
+    @takes_kinds()
     def wait(self, seconds: float) -> Action:
         """Leave everything as it is for some seconds."""
         return Action("wait", lambda: self._wait(seconds), duration("wait", seconds))
 
+    @takes_kinds()
     def vibrate(
         self,
         role: str,
@@ -431,10 +441,12 @@ class TrialScript(HeardTrial):
             "vibrate", lambda: self._vibrate(role, vibration, motors, amplitude_01), role=role
         )
 
+    @takes_kinds()
     def mark(self, name: str, **payload: Scalar | None) -> Action:
         """Write an event into the recording at the current frame's time."""
         return Action("mark", lambda: self._mark(name, payload))
 
+    @takes_kinds()
     def repeat(self, reason: str, *, at_most: int = 3) -> Action:
         """Have this trial performed again at the end of its block, `at_most` so many times.
 
@@ -444,6 +456,7 @@ class TrialScript(HeardTrial):
         """
         return Action("repeat", lambda: self._repeat(reason, at_most))
 
+    @takes_kinds()
     def end(self, reason: str, *, of: Literal["block", "session"] = "session") -> Action:
         """End the session, or its block, after this trial, which counts.
 
@@ -452,6 +465,7 @@ class TrialScript(HeardTrial):
         """
         return Action("end", lambda: self._wish_for(EndEarly(reason, of)))
 
+    @takes_kinds()
     def walk_to(
         self, x_m: float, z_m: float, *, within_m: float = 0.35, limit_s: float = 60.0
     ) -> Action:
