@@ -117,7 +117,6 @@ def test_who_talks_while_smiling_does_both():
         ({"face": "smlie"}, "did you mean 'smile'"),
         ({"face": "smile", "face_01": 1.5}, "strength 1.5"),
         ({"face": "smile", "face_from_s": -1.0}, "from -1 s"),
-        ({"face": "smile", "face_01": "half"}, "are not both numbers"),
         ({"face_01": 0.5}, "are of a face; name it"),
         ({"face_from_s": 2.0}, "are of a face; name it"),
     ],
@@ -125,6 +124,11 @@ def test_who_talks_while_smiling_does_both():
 def test_a_face_that_nobody_can_make_is_refused(options, says):
     with pytest.raises(DesignError, match=f"scene person.*{says}"):
         shapes("person", 0.0, **options)
+
+
+def test_strength_of_a_face_is_a_number():
+    with pytest.raises(DesignError, match="a scene's face: face_01 is 'half'; it takes a number"):
+        shapes("person", 0.0, face="smile", face_01="half")
 
 
 def test_a_scene_without_faces_says_so():

@@ -5,6 +5,7 @@ import itertools
 from dataclasses import fields, is_dataclass
 from typing import Any, get_args
 
+import numpy as np
 import pytest
 
 import visavis
@@ -16,6 +17,7 @@ from visavis.study.actions import Action
 from visavis.study.comparisons import Test
 from visavis.study.declaration import PARTS
 from visavis.study.heard_trial import HeardTrial
+from visavis.study.scenes import Staging, stage
 from visavis.study.trial import TrialScript
 
 HINTS = {f.name: f.type for part in PARTS.values() for f in fields(part)}
@@ -178,13 +180,13 @@ def test_what_stands_in_a_keywords_list_is_looked_at_before_anybody_comes(
 def test_what_a_study_file_makes_is_refused_by_the_name_of_what_is_of_another_kind(
     name: str,
 ) -> None:
-    made, smallest = getattr(visavis, name), SMALLEST.get(name, {})
-    made(**smallest)
-    for field in (f for f in fields(made) if f.init and (name, f.name) not in LENIENT):
+    maker, smallest = getattr(visavis, name), SMALLEST.get(name, {})
+    maker(**smallest)
+    for field in (f for f in fields(maker) if f.init and (name, f.name) not in LENIENT):
         for value in VALUES:
             if not is_of_kind(value, field.type):
                 with pytest.raises(DesignError, match=f"{name}.*: {field.name} is "):
-                    made(**{**smallest, field.name: value})
+                    maker(**{**smallest, field.name: value})
 
 
 def test_every_dataclass_that_a_study_file_makes_looks_at_kinds() -> None:
@@ -218,16 +220,32 @@ def test_every_step_of_a_trial_looks_at_kinds() -> None:
 
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_functions_of_a_study_file_look_at_kinds(function: str) -> None:
-    called = getattr(visavis, function)
-    name, parameter = next(iter(inspect.signature(called).parameters.items()))
+    measure_of = getattr(visavis, function)
+    name, parameter = next(iter(inspect.signature(measure_of).parameters.items()))
     of_several = r"\[0\]" if parameter.kind in SEVERAL else ""
     smallest = {
         one: None
-        for one, other in inspect.signature(called).parameters.items()
+        for one, other in inspect.signature(measure_of).parameters.items()
         if other.default is inspect.Parameter.empty and one != name and other.kind not in SEVERAL
     }
     with pytest.raises(DesignError, match=f"^{function}: {name}{of_several} is <object "):
-        called(object(), **smallest)
+        measure_of(object(), **smallest)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"name": 3}, "Scene: name is 3; it takes a text"),
+        ({"name": "person", "motion": 3}, "scene person: motion is 3; it takes a text"),
+        ({"name": "person", "distance_m": "far"}, "distance_m is 'far'; it takes a number"),
+        ({"name": "person", "motion": "walk", "speed_mps": "x"}, "Walk: speed_mps is 'x'; it "),
+        ({"name": "two_people", "left": None}, "scene two_people: left is None; it takes a text"),
+        ({"name": "audience", "active": 1}, "scene audience: active is 1; it takes a text"),
+    ],
+)
+def test_options_of_a_scene_are_of_their_kind(options: dict[str, Any], says: str) -> None:
+    with pytest.raises(DesignError, match=says):
+        stage(Scene(**options), Staging(np.random.default_rng(1), 2.0), {})
 
 
 @pytest.mark.parametrize("levels", ["left", {"left": 1}, None, 3])

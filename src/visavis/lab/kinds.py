@@ -39,7 +39,7 @@ def of_kinds(**wider: Any) -> Callable[[Kind], Kind]:
     another kind raises DesignError with the field's name and what it takes.
     """
 
-    def refusing(cls: Kind) -> Kind:
+    def decorate(cls: Kind) -> Kind:
         own = getattr(cls, "__post_init__", None)  # or that of what it inherits from
 
         def __post_init__(self: Any) -> None:  # noqa: N807 - it is the dataclass's own
@@ -51,25 +51,26 @@ def of_kinds(**wider: Any) -> Callable[[Kind], Kind]:
         cls.__post_init__ = __post_init__  # type: ignore[attr-defined] # dataclasses call it
         return cls
 
-    return refusing
+    return decorate
 
 
 def takes_kinds(
-    **wider: Any,
+    about: str = "", /, **wider: Any
 ) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
     """Let a function refuse arguments of another kind than their annotations.
 
-    `wider` are annotations, by argument, of what it refuses in words of its own. An argument of
-    another kind raises DesignError with its name and what it takes; steps of a trial are `t.NAME`.
+    `about` is what a user knows it as: left out, the function's name, for a step of a trial
+    `t.NAME`. `wider` are annotations, by argument, of what it refuses in words of its own. An
+    argument of another kind raises DesignError with its name and what it takes.
     """
 
-    def refusing(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    def decorate(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
         signature = inspect.signature(function)
         is_step = next(iter(signature.parameters), "") == "self"
-        name = f"t.{function.__name__}" if is_step else function.__name__
+        name = about or f"{'t.' if is_step else ''}{function.__name__}"
 
         @functools.wraps(function)
-        def called(*args: Arguments.args, **keywords: Arguments.kwargs) -> Result:
+        def call(*args: Arguments.args, **keywords: Arguments.kwargs) -> Result:
             try:
                 values = signature.bind(*args, **keywords).arguments
             except TypeError:
@@ -78,9 +79,9 @@ def takes_kinds(
                 raise DesignError("; ".join(problems))
             return function(*args, **keywords)
 
-        return called
+        return call
 
-    return refusing
+    return decorate
 
 
 def _wrong_arguments(

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
+from visavis.lab.kinds import takes_kinds, wrong_kind
 from visavis.lab.screen import PlacedScreen
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.steps import FrameView, GazeView, UpdateAhead
@@ -110,6 +111,8 @@ class Scene:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __init__(self, name: str, **options: Any) -> None:
+        if wrong := wrong_kind("name", name, str):
+            raise DesignError(f"Scene: {wrong}")
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "options", options)
 
@@ -314,6 +317,7 @@ Maker = Callable[..., StagedScene]
 """Makes a staged scene: called with a `Staging` and the scene's options by name."""
 
 
+@takes_kinds("scene two_people")
 def two_people(
     staging: Staging,
     *,
@@ -344,6 +348,7 @@ def two_people(
     return scene_of_people(staging, "two_people", tuple(people), active, eyes)
 
 
+@takes_kinds("scene person")
 def person(
     staging: Staging,
     *,
@@ -396,6 +401,7 @@ def _way_m(distance_m: float, turn_deg: float, stop_m: float | None) -> float:
     return distance_m - stop_m
 
 
+@takes_kinds("scene audience")
 def audience(
     staging: Staging, *, active: str = "centre_middle", eyes: str = "directed"
 ) -> StagedScene:
@@ -467,6 +473,7 @@ def _in_room(staged_scene: StagedScene, scene: Scene, staging: Staging) -> Stage
     return staged_scene
 
 
+@takes_kinds("a scene's face")
 def _with_face(
     staged_scene: StagedScene,
     scene: Scene,
@@ -486,7 +493,7 @@ def _with_face(
         raise DesignError(f"scene {scene.name}: face_01 and face_from_s are of a face; name it")
     try:
         expression = Face(face, face_01, face_from_s)
-    except (MotionError, TypeError) as error:
+    except MotionError as error:
         raise DesignError(f"scene {scene.name}: {error}") from error
     people, who = list(gathering.people), staged_scene.roles["active"]
     character = people[who].character

@@ -226,13 +226,13 @@ def test_a_session_without_a_file_to_be_found_by_goes_on_and_leaves_no_socket(
     cache.mkdir()
     (cache / "visavis").write_text("a file in the place of the folder")
     about = About("stare", "S07H", 1, str(tmp_path), is_simulated=True, is_blind=False)
-    with warnings.catch_warnings(record=True) as lost:
+    with warnings.catch_warnings(record=True) as all_warnings:
         warnings.simplefilter("always")
-        with SessionLink(UnattendedOperator(), about, tmp_path) as made:
-            made.show(STATUS)
-        del made
+        with SessionLink(UnattendedOperator(), about, tmp_path) as link:
+            link.show(STATUS)
+        del link
         gc.collect()
-    assert [] == [warning for warning in lost if warning.category is ResourceWarning]
+    assert [] == [warning for warning in all_warnings if warning.category is ResourceWarning]
 
 
 def test_nobody_without_the_secret_is_told_or_heard(link: SessionLink) -> None:

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from visavis.lab.geometry import Vector
+from visavis.lab.kinds import of_kinds
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.stimuli.characters.character import MORPHS, Character
 from visavis.stimuli.motion.errors import MotionError
@@ -31,6 +32,7 @@ CHANGE_S: Final = 0.5
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Face:
     """An expression, how much of it, and since when.
 
@@ -51,9 +53,6 @@ class Face:
             raise MotionError(
                 f"no face {self.expression!r}{did_you_mean(self.expression, EXPRESSIONS)}"
             )
-        numbers = (self.strength_01, self.from_s)
-        if not all(isinstance(number, int | float) for number in numbers):
-            raise MotionError(f"face {self.expression}: {numbers} are not both numbers")
         if not (0.0 <= self.strength_01 <= 1.0 and 0.0 <= self.from_s < np.inf):
             raise MotionError(
                 f"face {self.expression} with strength {self.strength_01:g} from {self.from_s:g} s "

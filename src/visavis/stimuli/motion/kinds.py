@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.geometry import Vector
+from visavis.lab.kinds import of_kinds
 from visavis.stimuli.motion.clip import Motion
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.gait_kernels import gait_rows, step_m
@@ -57,6 +58,7 @@ def _check(name: str, value: float, least: float, most: float) -> None:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Idle:
     """Stand relaxed. `lively` scales every movement but breathing: 0 keeps still, 1 is usual."""
 
@@ -72,6 +74,7 @@ class Idle:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Sit:
     """Sit and listen on a seat `seat_m` above the floor, leaning back by an angle; `tucked_01` is
     how far the feet are drawn back, 0 where they are by habit, 1 below the seat.
@@ -110,6 +113,7 @@ def _hand(choice: str, seed: int) -> float:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Wave:
     """Wave with one or both hands, standing or on a seat: `rate_hz` to and fro, `swing_deg` of the
     forearm from end to end, `elbow_01` 0 at the side, 1 at the height of the shoulder.
@@ -138,6 +142,7 @@ class Wave:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Phone:
     """Stand with a phone at the ear; `talk_01` is how much of the call one speaks oneself."""
 
@@ -155,6 +160,7 @@ class Phone:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Text:
     """Stand reading and typing on a phone, with one hand or both by seed."""
 
@@ -170,6 +176,7 @@ class Text:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class WatchBoard:
     """Stand watching a board that lies `yaw_deg` (left) and `pitch_deg` (up) from the front."""
 
@@ -190,6 +197,7 @@ class WatchBoard:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Talk:
     """Talk with gestures, standing or on a seat; `size` scales gestures, `voice_01` the jaw."""
 
@@ -211,6 +219,7 @@ class Talk:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Crouch:
     """Crouch on the balls of the feet; `depth_01` 0 stands, 1 is as low as it goes."""
 
@@ -227,6 +236,7 @@ class Crouch:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Walk:
     """Walk straight ahead from one's place, for `distance_m` or without end.
 
@@ -251,6 +261,7 @@ class Walk:
 
 
 @dataclass(frozen=True)
+@of_kinds()
 class Run:
     """Run straight ahead from one's place, for `distance_m` or without end."""
 
