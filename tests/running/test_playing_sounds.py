@@ -86,7 +86,7 @@ def test_what_still_sounds_ends_with_the_trial(folder: Path) -> None:
         ('t.play("sounds.py")', "no WAV file"),
         ('t.play("hum.wav", gain_db=90)', "gain_db is 90"),
         ('t.play("hum.wav", wait="end", loops=True)', "no end to wait for"),
-        ('t.play("hum.wav", wait="ever")', "cannot wait for 'ever'"),
+        ('t.play("hum.wav", wait="ever")', "wait is 'ever'; it takes 'onset'"),
     ],
 )
 def test_sound_that_cannot_be_played_is_refused_before_anybody_comes(
