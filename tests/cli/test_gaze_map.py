@@ -1,6 +1,7 @@
 """Maps of gaze on the scene: on whom they lie, from where they are seen, and what is refused."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from visavis.cli.gaze_map import (
     table_of_maps,
 )
 from visavis.cli.recorded_trial import recorded_trial
+from visavis.lab.clock import NS_PER_S
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
@@ -33,6 +35,8 @@ from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
+from visavis.stimuli.dressing.picture_of import NOBODY, NOWHERE
+from visavis.stimuli.picture import Picture, Sheet
 from visavis.stimuli.surfaces import Surfaces
 
 BRIEF = """
@@ -73,6 +77,44 @@ def test_a_map_is_of_one_trial_and_what_is_behind_the_eye_is_nowhere() -> None:
     twice = maps_of_people([looks("07K", [[0, 0, -2], [0, 0, 2]])] * 2, eye, GRID)["07K"]
     np.testing.assert_allclose(once, twice)
     assert (once * GRID.area_deg2()).sum() == pytest.approx(0.1, rel=1e-4)
+
+
+@pytest.mark.parametrize("lost", [slice(0, 0), slice(10, 100), slice(4, 29)])
+def test_gaze_on_something_that_moves_ends_on_it(
+    lost: slice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A board .3 m wide passes at 1.1 m/s, 2 m away, and gaze follows its middle."""
+    t_ns = np.arange(0, 5 * NS_PER_S, NS_PER_S // 120)
+    across_m = 1.1 * (t_ns / NS_PER_S - 2.5)
+    valid = np.ones(len(t_ns), np.bool_)
+    valid[lost] = False
+    trial: Any = SimpleNamespace(
+        gaze={
+            "t_sample_ns": t_ns,
+            "valid": valid,
+            "origin_world_m": np.zeros((len(t_ns), 3)),
+            "direction_world": np.stack(
+                [across_m, np.zeros(len(t_ns)), np.full(len(t_ns), -2.0)], axis=1
+            ),
+        },
+        span_of=lambda during: (0, 5 * NS_PER_S),
+    )
+
+    def passing(at_ns: int) -> Picture:
+        place = np.array([1.1 * (at_ns / NS_PER_S - 2.5), 0.0, -2.0])
+        board = Sheet(
+            np.zeros((1, 1, 4), np.uint8), Pose(place, quat_from_yaw_pitch_deg(0)), (0.3, 0.3)
+        )
+        return Picture(at_ns, NOWHERE, (), NOBODY, sheets=(board,))
+
+    monkeypatch.setattr("visavis.cli.gaze_map.pictures_of", lambda *of: passing)
+    monkeypatch.setattr(
+        "visavis.cli.gaze_map._scene_changes_ns", lambda trial: np.zeros(0, np.int64)
+    )
+    ends = _ends(opened("duel"), trial, Surfaces(COARSE), "")
+    assert ends is not None
+    assert np.count_nonzero(valid[::4]) == len(ends[0])
+    np.testing.assert_allclose(ends[1][:, 2], -2.0, atol=1e-6)
 
 
 @pytest.fixture(scope="module")

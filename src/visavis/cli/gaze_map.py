@@ -60,8 +60,10 @@ from visavis.study.area_measures import areas_shown
 from visavis.study.measures import TrialRecord
 from visavis.study.texts import label_of
 
-PICTURE_EVERY_NS: Final = 4 * NS_PER_S
-"""How often people and things are put where they were, for gaze to end on them."""
+PICTURE_EVERY_NS: Final = NS_PER_S // 4
+"""How often people and things are put where they were, for gaze to end on them: each sample ends on
+them as they stood half of this away at most.
+"""
 MAX_RAYS_HZ: Final = 30
 COARSE: Final = 9
 """Level of detail of the people on whom gaze ends: the lightest there is."""
@@ -346,7 +348,7 @@ def _ends(
     _, piece = np.unique(np.stack([step, of_scene]), axis=1, return_inverse=True)
     for k in np.unique(piece):
         here = rows[piece.ravel() == k]
-        picture = shown_at(int(stamps[here[len(here) // 2]]))
+        picture = shown_at(int(stamps[here[0]] + stamps[here[-1]]) // 2)
         if picture.brightness_01 <= 0:
             continue
         eyes_m = trial.gaze["origin_world_m"][here].astype(np.float64)

@@ -61,21 +61,11 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
     cast = tuple(casting(agent.character) for agent in agents)
     people: list[Person] = []
     chairs: dict[str, Chair] = {}
-    for i, (agent, character) in enumerate(zip(agents, cast, strict=True)):
-        floor = step_height_m(agent.eye_centre_m - HIP_BEHIND_EYES_M * agent.facing)
-        try:
-            person = _sitter(build_of(character), agent, i, floor)
-        except MotionError as error:
-            raise MotionError(
-                f"{character.name} cannot sit at {agent.place}, where eyes of the audience are: "
-                f"{error}. Leave them out of `cast`"
-            ) from error
+    for i, agent in enumerate(agents):
+        person, chair = _seated(i, agent.character, casting)
         people.append(person)
-        if isinstance(person.does, Sit):
-            hips_m = _joints_m([person], "upper_leg")[0].mean(axis=0)
-            behind_m = float((agent.eye_centre_m - hips_m) @ agent.facing)
-            top_m = floor + person.does.seat_m + _sunk_m(character, person)
-            chairs[agent.place] = Chair(top_m, behind_m - HIPS_BEHIND_MIDDLE_M)
+        if chair is not None:
+            chairs[agent.place] = chair
     speaker = _speaker(cast, casting)
     feet = audience.SPEAKER_EYE_M * np.array([1.0, 0.0, 1.0])
     heading = float(np.degrees(np.arctan2(-FACING_OF_SPEAKER[0], -FACING_OF_SPEAKER[2])))
@@ -89,6 +79,29 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
         (*cast, speaker),
         PeopleMotion(tuple(people), HeldHeads(eyes, facing)),
     )
+
+
+@lru_cache(maxsize=1024)
+def _seated(row: int, name: str, casting: Casting) -> tuple[Person, Chair | None]:
+    """Return who sits at a place, and their chair; None of somebody who does not sit.
+
+    Audiences of one study are the same people in other places: each is seated there once.
+    """
+    agent, character = audience.agent_at(row, name), casting(name)
+    floor = step_height_m(agent.eye_centre_m - HIP_BEHIND_EYES_M * agent.facing)
+    try:
+        person = _sitter(build_of(character), agent, row, floor)
+    except MotionError as error:
+        raise MotionError(
+            f"{character.name} cannot sit at {agent.place}, where eyes of the audience are: "
+            f"{error}. Leave them out of `cast`"
+        ) from error
+    if not isinstance(person.does, Sit):
+        return person, None
+    hips_m = _joints_m([person], "upper_leg")[0].mean(axis=0)
+    behind_m = float((agent.eye_centre_m - hips_m) @ agent.facing)
+    top_m = floor + person.does.seat_m + _sunk_m(character, person)
+    return person, Chair(top_m, behind_m - HIPS_BEHIND_MIDDLE_M)
 
 
 def _speaker(listeners: tuple[Character, ...], casting: Casting) -> Character:

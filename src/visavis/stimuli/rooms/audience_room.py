@@ -61,28 +61,36 @@ class Chair:
     behind_eyes_m: float
 
 
+@lru_cache(maxsize=1)
+def _without_chairs() -> tuple[Prop, ...]:
+    shell = _shell(audience.PARTICIPANT_TURN_DEG)
+    return (*shell, *_steps(STEPS_TURN_DEG), *_front(), *_speaker_place())
+
+
+@lru_cache(maxsize=1024)
+def _chair_props(row: int, chair: Chair | None) -> tuple[Prop, ...]:
+    agent = audience.agent_at(row, str(row))  # whoever sits there
+    floor = step_height_m(agent.eye_centre_m - HIP_BEHIND_EYES_M * agent.facing)
+    chair = chair or Chair(floor + SEAT_M, HIP_BEHIND_EYES_M)
+    middle = agent.eye_centre_m - chair.behind_eyes_m * agent.facing
+    return furniture.chair(
+        f"chair_{agent.place}",
+        (middle[0], floor, middle[2]),
+        float(yaw_pitch_deg_of(agent.facing)[0]),
+        seat_m=chair.top_m - floor,
+        cloth=SEAT_CLOTHS[row % len(SEAT_CLOTHS)],
+    )
+
+
 @lru_cache(maxsize=16)
 def _room(chairs: tuple[tuple[str, Chair], ...]) -> Room:
-    turn = audience.PARTICIPANT_TURN_DEG
-    props: list[Prop] = [*_shell(turn), *_steps(STEPS_TURN_DEG), *_front(), *_speaker_place()]
-    chair_of = dict(chairs)
-    scene = audience.audience_scene([str(i) for i in range(len(audience.PLACES))])
-    for i, agent in enumerate(scene.agents):
-        floor = step_height_m(agent.eye_centre_m - HIP_BEHIND_EYES_M * agent.facing)
-        chair = chair_of.get(agent.place, Chair(floor + SEAT_M, HIP_BEHIND_EYES_M))
-        middle = agent.eye_centre_m - chair.behind_eyes_m * agent.facing
-        yaw = float(yaw_pitch_deg_of(agent.facing)[0])
-        props += furniture.chair(
-            f"chair_{agent.place}",
-            (middle[0], floor, middle[2]),
-            yaw,
-            seat_m=chair.top_m - floor,
-            cloth=SEAT_CLOTHS[i % len(SEAT_CLOTHS)],
-        )
+    props, chair_of = list(_without_chairs()), dict(chairs)
+    for i, place in enumerate(audience.PLACES):
+        props += _chair_props(i, chair_of.get(place))
     return Room(
         name="audience_room",
         props=tuple(props),
-        lights=_lights(turn),
+        lights=_lights(audience.PARTICIPANT_TURN_DEG),
         sky=np.array([0.36, 0.36, 0.37]),
         ground=np.array([0.32, 0.29, 0.26]),
         background_srgb=(24, 24, 26),

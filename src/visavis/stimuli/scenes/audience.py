@@ -115,7 +115,9 @@ def _facing(seat: Seat) -> Vector:
 
 
 @lru_cache(maxsize=256)
-def _agent(index: int, place: str, character: str) -> Agent:
+def agent_at(row: int, character: str) -> Agent:
+    """Return the agent at `PLACES[row]`, played by a character; the same object comes back."""
+    place = PLACES[row]
     seat = SEATS[place]
     head = _from_bearing(seat.bearing_deg, seat.distance_m, seat.head_height_m)
     facing = _facing(seat)
@@ -123,7 +125,7 @@ def _agent(index: int, place: str, character: str) -> Agent:
     for array in (head, facing, eyes):
         array.setflags(write=False)
     return Agent(
-        agent_id=f"agent_{index + 1:02d}",
+        agent_id=f"agent_{row + 1:02d}",
         character=character,
         place=place,
         head_centre_m=head,
@@ -191,9 +193,7 @@ def _scene(characters: tuple[str, ...], name: str, brightness_01: float, has_mar
         )
     return Scene(
         name=name,
-        agents=tuple(
-            _agent(i, p, c) for i, (p, c) in enumerate(zip(PLACES, characters, strict=False))
-        ),
+        agents=tuple(agent_at(i, c) for i, c in enumerate(characters)),
         occluders=_occluders(people),
         brightness_01=brightness_01,
         mark_m=MARK_M if has_mark else None,
