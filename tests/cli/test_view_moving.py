@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,10 @@ from PIL import Image
 from tests.cli.viewer_tab import page_array, page_parts, viewer_tab
 from tests.sessions import request_in
 from visavis.cli.recorded_trial import recorded_trial
-from visavis.cli.viewer.content import page_content, trial_lengths_ns
-from visavis.cli.viewer.moving import MOVING_SIDE_PX, with_small_pictures
-from visavis.cli.viewer.page import page_of
+from visavis.cli.viewer import models
+from visavis.cli.viewer.content import page_content, samples_of, trial_lengths_ns
+from visavis.cli.viewer.moving import MOVING_SIDE_PX
+from visavis.cli.viewer.page import TrialsBeside, page_of
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import find_study
@@ -96,7 +98,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
 @pytest.mark.parametrize("name", ["film", "dots"])
 def test_each_sample_has_the_picture_of_its_time(page: Page, name: str) -> None:
     moving = page.scene(name)["flat"]["sheets"][-1]["moving"]
-    expected = [with_small_pictures(one).sheets[0].pixels for one in page.pictures_anew(name)]
+    expected = [_small(one.sheets[0].pixels) for one in page.pictures_anew(name)]
     pictures = page.pictures(moving)
     assert len(expected) == len(pictures)
     for whole, small in zip(expected, pictures, strict=True):
@@ -104,6 +106,15 @@ def test_each_sample_has_the_picture_of_its_time(page: Page, name: str) -> None:
         assert np.abs(whole.astype(int) - small).mean() < 3
     assert len({one.tobytes() for one in pictures}) > len(pictures) / 3
     assert max(pictures[0].shape) <= MOVING_SIDE_PX
+
+
+def test_what_was_shown_of_a_film_is_held_as_small_files_alone(page: Page) -> None:
+    samples = samples_of(page.study, recorded_trial(page.recording, str(page.row["trial_id"])))
+    around = [s.picture.surround for s in samples]
+    pixels = [sheet.pixels for s in samples for sheet in s.picture.sheets]
+    pixels += [eye for one in around if one is not None for eye in one.eyes]
+    assert 1000 > sum(one.nbytes for one in {id(one): one for one in pixels}.values())
+    assert 15 < len({s.moving.sheets for s in samples})
 
 
 def test_a_film_is_kept_once_however_often_it_is_shown_and_cut_where_the_monitor_ends(
@@ -134,6 +145,12 @@ def test_a_film_all_around_is_kept_once_however_often_it_is_shown(page: Page) ->
         for name in ("lake", "lake_again")
     ]
     assert set() < places[1] < places[0]
+
+
+def _small(pixels: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    image = Image.fromarray(pixels)
+    image.thumbnail((MOVING_SIDE_PX, MOVING_SIDE_PX))
+    return np.asarray(image)
 
 
 def _ahead(pixels: np.ndarray[Any, Any]) -> int:
@@ -183,3 +200,84 @@ def test_a_picture_that_is_saved_has_the_moment_it_is_of(tab: Any, page: Page) -
             )
         )
     assert rows[0] != rows[1]
+
+
+def test_a_picture_that_cannot_be_decoded_is_named_and_the_next_goes_on(
+    tab: Any, page: Page
+) -> None:
+    scene = page.scene("film")
+    moving = scene["flat"]["sheets"][-1]["moving"]
+    numbers = [number_of(one) for one in page.pictures(moving)]
+    at = page_array(page.arrays, moving["at"])
+    bad, good = 9, 13
+    begin_s, rate = scene["t0"], scene["rate"]
+    tab.evaluate(ROW, begin_s + 0.5 / rate)
+    undamaged = tab.evaluate(
+        """([t, n]) => { const {files} = viewer.sceneAt(t).flat.data.sheets.at(-1).moving,
+        file = viewer.content.flat(files[n]), before = [...file]; file.fill(0); return before; }""",
+        [begin_s, int(at[bad])],
+    )
+    try:
+        stands = tab.evaluate(ROW, begin_s + (bad + 0.5) / rate)
+        is_named = f"film.mp4: no picture at {list(at).index(at[bad]) / rate:.2f} s"
+        tab.wait_for_function("words => $('said').textContent.includes(words)", arg=is_named)
+        goes_on = tab.evaluate(ROW, begin_s + (good + 0.5) / rate)
+    finally:
+        tab.evaluate(
+            """([t, n, file]) => { const [moving] = viewer.sceneAt(t).flat.moving.values();
+            viewer.content.flat(moving.files[n]).set(file); moving.missing.clear(); }""",
+            [begin_s, int(at[bad]), undamaged],
+        )
+    assert numbers[0] == number_of(np.array([stands], np.uint8))
+    assert numbers[good] == number_of(np.array([goes_on], np.uint8))
+
+
+HOURS = """async () => {
+    const {header} = viewer.content, {moving} = header.scenes[0].flat.sheets.at(-1),
+        frames = Array(12 * 7200).fill(moving.files[0]), film = {frames, seconds: 7200, rate: 12},
+        content = {header: {pages: [], films: [film]}, picture: of => viewer.content.picture(of)},
+        pages = new Pages(content, viewer.drawing);
+    frames[3] = {d: 'u1', s: [8], o: 0}; // no picture
+    let most = 0, shown = 0;
+    for (let s = 0; s < 7200; s += s % 600 < 5 ? 1 / 12 : 5) {
+        pages.picture(pages.films[0], s);
+        await Promise.all(viewer.drawing.waiting);
+        shown += Boolean(pages.picture(pages.films[0], s));
+        most = Math.max(most, pages.films[0].pictures.size); }
+    return [most, shown, pages.notesAt({films: [0]})]; }"""
+"""Two hours of a film, in leaps and picture by picture: how many pictures were held at most."""
+
+
+def test_of_a_film_of_two_hours_few_pictures_are_held(tab: Any) -> None:
+    most, shown, (note,) = tab.evaluate(HOURS)
+    assert 25 >= most
+    assert 1500 < shown
+    assert note.startswith("no picture of the film at 0.25 s (")
+
+
+def test_pictures_of_long_films_are_beside_the_page_and_few_files_of_them_held(
+    page: Page, playwright: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(models, "FILM_BYTES", 0)
+    monkeypatch.setattr(models, "PIECE_BYTES", 600)
+    file, beside = tmp_path / "page.html", TrialsBeside(tmp_path / "page.html")
+    header, bundle = page_content(
+        page.study, page.recording, list(trial_lengths_ns(page.recording)), beside=beside.write
+    )
+    file.write_text(page_of(header, bundle), "utf-8")
+    scene = page.scene("film")
+    numbers = [number_of(one) for one in page.pictures(scene["flat"]["sheets"][-1]["moving"])]
+    assert 5 < len(beside.files) == len(header["pieces"])
+    with viewer_tab(playwright, file, 1000, 700) as (window, problems):
+        for k in (0, 4, 8, 12, 16, 3):
+            row = window.evaluate(ROW, scene["t0"] + (k + 0.5) / scene["rate"])
+            assert numbers[k] == number_of(np.array([row], np.uint8))
+            assert 3 >= window.evaluate("viewer.content.pieces.held.size")
+        last = beside.files[-1]
+        last.unlink()
+        lake = page.scene("lake")
+        window.evaluate(
+            "async t => { viewer.seek(t); await viewer.drawWhole(); }", lake["t1"] - 0.01
+        )
+        window.wait_for_function("$('said').textContent.includes('lake.mp4: no picture at')")
+    assert [] == problems

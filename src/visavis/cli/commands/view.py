@@ -218,8 +218,8 @@ def _write_again(
     console.print(f"written [b]{verbatim(path)}[/], {summary}", soft_wrap=True)
     if beside.files:
         console.print(
-            f"{len(beside.files)} trials are in [b]{verbatim(beside.folder)}[/], which the page "
-            "loads them from: keep both together",
+            f"{len(beside.files)} files of trials and films are in "
+            f"[b]{verbatim(beside.folder)}[/], which the page loads them from: keep both together",
             soft_wrap=True,
         )
     return [path, *beside.files]

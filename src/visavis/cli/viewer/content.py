@@ -26,7 +26,7 @@ from visavis.cli.viewer.flat import (
 )
 from visavis.cli.viewer.flat_pages import flat_page_scenes
 from visavis.cli.viewer.models import LEVEL_OF_FEW, LEVEL_OF_MANY, MAX_FEW, Models
-from visavis.cli.viewer.moving import with_small_pictures
+from visavis.cli.viewer.moving import PictureFiles
 from visavis.cli.viewer.pages import pages_of
 from visavis.cli.viewer.scenes import SAMPLES_PER_S, Sample, Times, scene_content
 from visavis.devices.streams import NO_DEVICE_TIME
@@ -74,8 +74,8 @@ def page_content(
 ) -> tuple[dict[str, Any], Bundle]:
     """Return a page's header and arrays; `trial_ids` are the trials it shows in space.
 
-    With `beside`, trials that no longer fit into the page are given to it one by one: their name
-    and the text of a bundle; it returns the place that the page loads it from.
+    With `beside`, trials and pictures of films that no longer fit into the page are given to it one
+    by one: a name and the text of a bundle; it returns the place that the page loads it from.
 
     Raises:
         UsageError: the session has no such trial.
@@ -88,11 +88,11 @@ def page_content(
     problems: dict[str, str] = {}
     changed = changed_files(recording.manifest.configuration, study.study.files.trial_folder)
     if on_page:
-        models = models_for(bundle, [])
+        models = models_for(bundle, [], beside)
         trials_again = [
             seen_trial(study, recording, trial_row(recording, name)) for name in trial_ids
         ]
-        pages, films = pages_of(trials_again, bundle, times.s, on_trial)
+        pages, films = pages_of(trials_again, models, times.s, on_trial)
         scenes = [
             flat_page_scenes(recording, trial, models, bundle, times, changed)
             for trial in trials_again
@@ -107,7 +107,7 @@ def page_content(
     # Samples of a long trial with many people are large: one trial's are held at a time.
     for k, trial in enumerate(trials):
         samples = in_space.samples(trial)
-        models = models or models_for(bundle, samples)
+        models = models or models_for(bundle, samples, beside)
         name = str(trial.row["trial_id"])
         if beside is None or bundle.size < PACKED_BYTES:
             contents.append(in_space.content(trial, samples, models, bundle))
@@ -174,7 +174,9 @@ class InSpace:
             scene["topology"] = _topology(trial, run, bundle)
             if first.showing is not None:
                 t_ns, pictures = [s.t_ns for s in run], [s.picture for s in run]
-                scene["flat"] = flat_content(first.showing, t_ns, pictures, models, bundle)
+                moving = [s.moving for s in run]
+                flat = flat_content(first.showing, t_ns, pictures, models, bundle, moving)
+                scene["flat"] = flat
                 scene["flat"]["notes"] = words_of_files(first.showing.scene, self._changed_files)
             scenes.append(scene)
         gaze = _gaze(self._recording, trial, samples, models.level, bundle, self._times)
@@ -194,15 +196,26 @@ def _without_arrays(content: Mapping[str, Any]) -> dict[str, Any]:
     return {"scenes": stubs, "gazeEnds": [], "fixations": content["fixations"]}
 
 
-def models_for(bundle: Bundle, samples: "Sequence[Sample]") -> Models:
+def models_for(
+    bundle: Bundle,
+    samples: "Sequence[Sample]",
+    beside: Callable[[str, str], str] | None = None,
+) -> Models:
     """Return the models of a page; many people in one place are drawn at their lightest."""
     most = max((len(s.full_picture.cast) for s in samples), default=0)
-    return Models(bundle, level=LEVEL_OF_FEW if most <= MAX_FEW else LEVEL_OF_MANY)
+    level = LEVEL_OF_FEW if most <= MAX_FEW else LEVEL_OF_MANY
+    return Models(bundle, level=level, beside=beside)
 
 
 def models_content(models: Models) -> dict[str, Any]:
     """Return the part of a header that says what scenes are drawn with."""
-    return {"people": models.people, "rooms": models.rooms, "textures": models.textures}
+    models.write_piece()
+    return {
+        "people": models.people,
+        "rooms": models.rooms,
+        "textures": models.textures,
+        "pieces": models.pieces,
+    }
 
 
 def whose(recording: CachedRecording) -> dict[str, Any]:
@@ -520,13 +533,15 @@ def with_participant(
 def samples_of(study: OpenedStudy, trial: RecordedTrial) -> list[Sample]:
     """Return what was shown at even times of a trial; flat stimuli from their onset on."""
     start_ns, end_ns = trial.span_ns
-    samples = []
+    samples, files = [], PictureFiles()
     for begin_ns, until_ns in pairwise([start_ns, *onsets_ns(trial), end_ns + 1]):
         for t_ns in range(begin_ns, until_ns, NS_PER_S // SAMPLES_PER_S):
             moment = trial.shown_at(t_ns)
             view = next(iter(study.views_of(moment)))
-            picture, agents = with_small_pictures(picture_of(view)), agents_at(view.scene, t_ns)
-            samples.append(Sample(t_ns, picture, agents, picture, showing_of(view, moment)))
+            showing, agents = showing_of(view, moment), agents_at(view.scene, t_ns)
+            boxes = () if showing is None else showing.boxes
+            picture, moving = files.of(picture_of(view), boxes)
+            samples.append(Sample(t_ns, picture, agents, picture, showing, moving))
     return samples
 
 

@@ -4,6 +4,7 @@
 const KINDS = {u1: Uint8Array, i1: Int8Array, u2: Uint16Array, i2: Int16Array, u4: Uint32Array,
   i4: Int32Array, f4: Float32Array, f8: Float64Array};
 const MISSING = 65535;
+const HELD = 3;
 
 class Content {
   constructor(buffer) {
@@ -11,12 +12,19 @@ class Content {
     this.header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 8, length)));
     this.buffer = buffer;
     this.from = 8 + length;
+    this.pieces = new Pieces(this.header.pieces || []);
   }
 
   // The elements of an array, column after column.
   flat(ref) {
     const n = ref.s.reduce((a, b) => a * b, 1);
     return new KINDS[ref.d](this.buffer, this.from + ref.o, n);
+  }
+
+  // The picture in a file; null where it cannot be decoded.
+  async picture(ref, how) {
+    const content = ref.in === undefined ? this : await this.pieces.get(ref.in);
+    return content && createImageBitmap(new Blob([content.flat(ref)], {type: 'image/webp'}), how).catch(() => null);
   }
 
   // Columns of an array: whole numbers exactly; others were stored in parts of their range, and
@@ -63,6 +71,31 @@ class Content {
     let micros = 0;
     for (let i = 0; i < steps.length; i++) out[i] = (micros += steps[i]) / 1e6;
     return out;
+  }
+}
+
+// Files beside the page with pictures of long films: the last few that were asked for are held.
+class Pieces {
+  constructor(places) { this.places = places; this.held = new Map(); }
+
+  // A promise of a file's content; of null where it is not beside the page.
+  get(n) {
+    const content = this.held.get(n) || this.load(this.places[n]);
+    this.held.delete(n);
+    this.held.set(n, content);
+    for (const k of [...this.held.keys()].slice(0, -HELD)) this.held.delete(k);
+    return content;
+  }
+
+  load(place) {
+    return new Promise(done => {
+      const script = document.createElement('script');
+      script.onerror = () => done(null);
+      script.onload = () => script.remove();
+      Session.waiting.set(place, text => { Session.waiting.delete(place); unpacked(text).then(done, () => done(null)); });
+      script.src = place;
+      document.head.append(script);
+    });
   }
 }
 

@@ -47,6 +47,7 @@ class Drawing extends Painter {
     this.rooms = content.header.rooms.map(() => null);
     this.solids = {ball: this.solid(slow ? ball(6, 8) : ball(10, 14)), rod: this.solid(rod(slow ? 6 : 12)), box: this.solid(box())};
     this.onChange = onChange;
+    this.missing = 0; // pictures of people, things and stimuli that cannot be decoded: white
     this.waiting = new Set(); // for pictures that are being decoded
     this.ready = Promise.all(content.header.textures.map((t, k) => this.load(t, k)));
   }
@@ -59,8 +60,9 @@ class Drawing extends Painter {
 
   async load(texture, k) {
     const gl = this.gl;
-    const image = await createImageBitmap(new Blob([this.content.flat(texture.file)], {type: 'image/webp'}), {premultiplyAlpha: texture.flat ? 'premultiply' : 'none'});
-    if (texture.flat) this.takeFlat(image, k);
+    const image = await this.content.picture(texture.file, {premultiplyAlpha: texture.flat ? 'premultiply' : 'none'});
+    if (!image) this.missing++;
+    else if (texture.flat) this.takeFlat(image, k);
     else this.pictures[k] = this.picture(image, this.slow ? gl.NEAREST_MIPMAP_NEAREST : undefined);
   }
 

@@ -28,9 +28,9 @@ function caseOf({at, turn, size: [wide, high]}) {
 }
 
 // A picture that moves, by the file of each of its samples: one is decoded when it is asked for, and until then the one
-// before it stays.
+// before it stays, for ever if it cannot be decoded.
 class MovingPicture {
-  constructor(content, {files, at, isShared}) { Object.assign(this, {content, files, isShared, at: content.flat(at)}); }
+  constructor(content, {files, at, isShared, name}) { Object.assign(this, {content, files, isShared, name, at: content.flat(at), missing: new Set()}); }
 
   // The number of the picture of a sample among those of a drawing; at first that of the onset.
   numberAt(k, d, first) {
@@ -42,18 +42,24 @@ class MovingPicture {
   decode(d) {
     const wanted = this.wanted, content = this.isShared ? d.content : this.content;
     this.isDecoding = true;
-    d.wait(createImageBitmap(new Blob([content.flat(this.files[wanted])], {type: 'image/webp'}), {premultiplyAlpha: 'premultiply'}).then(image => {
-      this.number = d.takeFlat(image, this.number);
+    d.wait(content.picture(this.files[wanted], {premultiplyAlpha: 'premultiply'}).then(image => {
+      if (image) this.number = d.takeFlat(image, this.number); else this.missing.add(wanted);
       this.shown = wanted;
       this.isDecoding = false;
       if (this.wanted !== wanted) this.decode(d);
     }));
   }
+
+  // Which pictures are missing, of those that were asked for; `rate` a second.
+  notes(rate) {
+    const times = [...this.missing].sort((a, b) => a - b).map(one => `${(this.at.indexOf(one) / rate).toFixed(2)} s`);
+    return times.length ? [`${this.name || 'what moves'}: no picture at ${times.join(', ')} after its onset (the page, or a file beside it, is damaged or gone); the one before it stays`] : [];
+  }
 }
 
 class Flat {
-  constructor(content, data) {
-    Object.assign(this, {data, content});
+  constructor(content, data, rate) {
+    Object.assign(this, {data, content, rate});
     this.monitor = data.eye && !data.isWide ? data.sheets[0] : null;
     this.framed = this.monitor || data.eye && this.reach() || null; // what fills the view of who sat before it
     const courseOf = ref => { const flat = content.flat(ref), n = ref.s[0]; return k => Array.from({length: flat.length / n}, (_, c) => flat[c * n + Math.min(k, n - 1)]); };
@@ -131,7 +137,7 @@ class Flat {
 
   // What one must know of it: how large the page was, what the recording lacks.
   notesAt(t) {
-    const notes = this.data.notes || [];
+    const notes = [...this.data.notes || [], ...[...this.moving.values()].flatMap(one => one.notes(this.rate))];
     return this.data.window?.t && !this.rimOfPointer(t) ? [...notes, 'the pointer had not moved yet: all was blurred'] : notes;
   }
 

@@ -4,6 +4,7 @@ on them, and the window after gaze.
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy.typing as npt
 from visavis.cli.recorded_trial import RecordedTrial
 from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.models import SIDE_PX, Models
-from visavis.cli.viewer.moving import Box, moving_content
+from visavis.cli.viewer.moving import WHOLE, Box, MovingFiles, moving_content, pixels_of
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate, unit
 from visavis.protocol.plan.shown_scene import RecordedScene, of_part
 from visavis.stimuli.areas import (
@@ -43,10 +44,31 @@ STEP_DEG: Final = 5.0
 
 @dataclass(frozen=True, eq=False)
 class Showing:
-    """Flat stimuli that were shown, and their areas of interest."""
+    """Flat stimuli that were shown, and their areas of interest; whether one knows the edges of the
+    monitor's lit area, if there is one.
+    """
 
     scene: FlatScene
     areas: tuple[PictureAreas, ...]
+    has_edges: bool = True
+
+    @property
+    def monitor(self) -> Sheet | None:
+        """The monitor's lit area, where one knows its edges."""
+        return monitor_of(self.scene) if self.has_edges else None
+
+    @cached_property
+    def whole_sheets(self) -> tuple[Sheet, ...]:
+        """Its stimuli at their onset."""
+        return first_sheets(self.scene)[1]
+
+    @cached_property
+    def boxes(self) -> tuple[Box | None, ...]:
+        """Which part of each stimulus is seen; None where nothing is."""
+        monitor = self.monitor
+        if monitor is None:
+            return (WHOLE,) * len(self.whole_sheets)
+        return tuple(_box_within(sheet, monitor) for sheet in self.whole_sheets)
 
 
 def onsets_ns(trial: RecordedTrial) -> list[int]:
@@ -125,24 +147,26 @@ def flat_content(
     pictures: Sequence[Picture],
     models: Models,
     bundle: Bundle,
-    *,
-    has_edges: bool = True,
+    moving: Sequence[MovingFiles] = (),
 ) -> dict[str, Any]:
-    """Return what a page says of flat stimuli that were shown at times, in these pictures; without
-    the monitor's lit area where nobody knows its edges.
+    """Return what a page says of flat stimuli that were shown at times, in these pictures, with the
+    files of what moves in each.
     """
     scene, first = showing.scene, pictures[0]
-    monitor = monitor_of(scene) if has_edges else None
+    monitor = showing.monitor
     sheets = [] if monitor is None else [_sheet(monitor, models)]
-    for number, whole in enumerate(first_sheets(scene)[1]):
-        box = (0.0, 0.0, 1.0, 1.0) if monitor is None else _box_within(whole, monitor)
+    for number, (whole, box) in enumerate(zip(showing.whole_sheets, showing.boxes, strict=True)):
         if box is None:
             continue
         sheet = _sheet(_cut(whole, box), models)
         if whole.course is not None:
-            course = [picture.sheets[number].pixels for picture in pictures]
-            is_film = isinstance(whole.course, FilmReader)
-            sheet["moving"] = moving_content(course, models, bundle, is_film=is_film, box=box)
+            sheet["moving"] = moving_content(
+                [files.sheets[number] for files in moving],
+                models,
+                bundle,
+                is_film=isinstance(whole.course, FilmReader),
+                name=getattr(scene.items[number], "file", ""),
+            )
         sheets.append(sheet)
     content: dict[str, Any] = {
         "sheets": sheets,
@@ -150,17 +174,20 @@ def flat_content(
     }
     if scene.surface.screen is not None:
         content["eye"] = scene.surface.screen.place.position_m.tolist()
-        content["isWide"] = not has_edges
+        content["isWide"] = not showing.has_edges
     if first.veil is not None:
         window = first.veil.window
         content["window"] = {"deg": window.window_deg, "isAround": window.is_around}
     if first.surround is not None:
         turns = [p.surround.orientation_wxyz for p in pictures if p.surround is not None]
-        number = models.flat(first.surround.eyes[0][..., :3], "around")
+        is_film = first.surround.course is not None
+        pixels = pixels_of(moving[0].around) if is_film else first.surround.eyes[0][..., :3]
+        number = models.flat(pixels, "around")
         around = {"picture": number, "turns": _course(bundle, turns)}
-        if first.surround.course is not None:
-            course = [p.surround.eyes[0] for p in pictures if p.surround is not None]
-            around["moving"] = moving_content(course, models, bundle, is_film=True)
+        if is_film:
+            course = [files.around for files in moving]
+            name = getattr(scene.panorama, "file", "")
+            around["moving"] = moving_content(course, models, bundle, is_film=True, name=name)
         content["around"] = around
     return content
 
@@ -187,7 +214,7 @@ def _box_within(sheet: Sheet, monitor: Sheet) -> Box | None:
 
 def _cut(sheet: Sheet, box: Box) -> Sheet:
     """Return a part of a sheet; the whole one as it is."""
-    if box == (0.0, 0.0, 1.0, 1.0):
+    if box == WHOLE:
         return sheet
     low, high, sides_m = np.array(box[:2]), np.array(box[2:]), np.array(sheet.size_m)
     moved_m = ((low + high) / 2 - 0.5) * sides_m * [1, -1]

@@ -9,7 +9,7 @@ import numpy as np
 from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.flat import Showing, flat_content, words_of_files
 from visavis.cli.viewer.models import Models
-from visavis.cli.viewer.moving import with_small_pictures
+from visavis.cli.viewer.moving import PictureFiles
 from visavis.cli.viewer.scenes import SAMPLES_PER_S, Sample, Times, scene_content
 from visavis.lab.clock import NS_PER_S
 from visavis.recording.cached import CachedRecording
@@ -76,8 +76,8 @@ def _scene(
     showing = samples[0].showing
     assert showing is not None  # noqa: S101 - made above
     t_ns, pictures = [s.t_ns for s in samples], [s.picture for s in samples]
-    has_edges = part.window_px is not None
-    flat = flat_content(showing, t_ns, pictures, models, bundle, has_edges=has_edges)
+    moving = [s.moving for s in samples]
+    flat = flat_content(showing, t_ns, pictures, models, bundle, moving)
     flat["notes"] = notes
     if name:
         flat |= _window(record, name, part, bundle, times, part_number)
@@ -114,12 +114,12 @@ def _samples(part: SeenPart, areas: Sequence[PictureAreas]) -> list[Sample]:
     scene = part.scene
     is_still = not scene.moves and scene.panorama is None
     step_ns = part.off_ns - part.on_ns if is_still else NS_PER_S // SAMPLES_PER_S
-    showing, nobody = Showing(scene, tuple(areas)), (np.zeros((0, 3)), np.zeros(0))
-    samples = []
+    showing = Showing(scene, tuple(areas), has_edges=part.window_px is not None)
+    nobody, files, samples = (np.zeros((0, 3)), np.zeros(0)), PictureFiles(), []
     for t_ns in range(part.on_ns, part.off_ns, step_ns):
         frame = SceneFrame(scene, t_ns, *nobody, turned_deg=scene.turns.at(t_ns))
-        picture = with_small_pictures(picture_of(frame))
-        samples.append(Sample(t_ns, picture, (), picture, showing))
+        picture, moving = files.of(picture_of(frame), showing.boxes)
+        samples.append(Sample(t_ns, picture, (), picture, showing, moving))
     return samples
 
 

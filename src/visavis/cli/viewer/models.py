@@ -25,13 +25,23 @@ MAX_FEW: Final = 24
 SIDE_PX: Final = {"skin": 512, "hair": 256, "thing": 512, "flat": 512, "around": 1024}
 OTHER_SIDE_PX: Final = 128
 WEBP_QUALITY: Final = 80
+FILM_BYTES: Final = 30_000_000
+"""Of a page's arrays, before which pictures of films are in it; later ones are files beside it."""
+PIECE_BYTES: Final = 4_000_000
+"""Of the pictures of films in one such file; a browser holds the last few that it asked for."""
 
 
 class Models:
     """Everything that is drawn, each thing once; numbers are places in the page's lists."""
 
-    def __init__(self, bundle: Bundle, *, level: int) -> None:
+    def __init__(
+        self, bundle: Bundle, *, level: int, beside: Callable[[str, str], str] | None = None
+    ) -> None:
+        """With `beside`, which `page_content` describes, long films are beside the page."""
         self._bundle, self.level = bundle, level
+        self._beside, self._piece = beside, Bundle()
+        self.pieces: list[str] = []
+        """Where the page loads files of films from."""
         self._cell_m = CELL_OF_FEW_M if level == LEVEL_OF_FEW else CELL_OF_MANY_M
         self.people: list[dict[str, Any]] = []
         self.rooms: list[dict[str, Any]] = []
@@ -74,9 +84,21 @@ class Models:
 
     def picture_file(self, content: bytes) -> dict[str, Any]:
         """Take in the file of a picture of a film, the same once; return where it lies."""
-        if content not in self._files:
-            self._files[content] = self._bundle.add_bytes(content)
-        return self._files[content]
+        key = hashlib.sha256(content).digest()
+        if key not in self._files:
+            if self._beside is None or self._bundle.size < FILM_BYTES:
+                self._files[key] = self._bundle.add_bytes(content)
+            else:
+                self._files[key] = {**self._piece.add_bytes(content), "in": len(self.pieces)}
+                if self._piece.size >= PIECE_BYTES:
+                    self.write_piece()
+        return self._files[key]
+
+    def write_piece(self) -> None:
+        """Write what was taken in of films and is in no file yet."""
+        if self._beside is not None and self._piece.size:
+            self.pieces.append(self._beside("film", self._piece.text({})))
+            self._piece = Bundle()
 
     def _number(self, thing: object, into: list[dict[str, Any]], make: Any) -> int:
         if id(thing) not in self._numbers:

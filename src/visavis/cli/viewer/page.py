@@ -31,19 +31,19 @@ def page_of(header: dict[str, Any], bundle: Bundle) -> str:
 
 
 class TrialsBeside:
-    """Files of the trials that do not fit into a page, in a folder beside it."""
+    """Files of the trials and films that do not fit into a page, in a folder beside it."""
 
     def __init__(self, page: Path) -> None:
         self.folder = page.with_name(f"{page.stem}_trials")
         self.files: list[Path] = []
 
-    def write(self, trial_id: str, text: str) -> str:
-        """Write a trial's file; return the place that the page loads it from.
+    def write(self, whose: str, text: str) -> str:
+        """Write the file of a trial or of films; return the place that the page loads it from.
 
         Pages opened as files may read scripts, and nothing else.
         """
         make_folder(self.folder, exist_ok=True)
-        name = re.sub(r"[^A-Za-z0-9_-]", "-", trial_id)
+        name = re.sub(r"[^A-Za-z0-9_-]", "-", whose)
         file = self.folder / f"{len(self.files):03}_{name}.js"
         place = f"{quote(self.folder.name)}/{file.name}"
         file.write_text(f"visavisTrial({json.dumps(place)},{json.dumps(text)})", encoding="utf-8")

@@ -1,25 +1,40 @@
 // Trials on a page in a browser: films in time, the question below, and the answer as it was given.
 
+const AHEAD = 12; // pictures of a film on either side of the one that is seen that are kept
 const MARKED_S = 0.5; // a page goes on with the answer: it is marked this much before
 
 class Pages {
   constructor(content, drawing) {
     this.steps = content.header.pages;
-    this.films = content.header.films.map(film => ({...film, pictures: film.frames.map(() => null)}));
+    this.films = content.header.films.map(film => ({...film, pictures: new Map(), missing: new Set()}));
     this.content = content;
     this.drawing = drawing;
   }
 
   at(t) { return this.steps.find(s => t >= s.t0 && t < s.t1) || null; }
 
-  // The picture of a film at a moment; asked for when first needed.
+  // The picture of a film at a moment, decoded when first needed; until then, or where it cannot be, the nearest before it.
   picture(film, seconds) {
     const k = Math.min(film.frames.length - 1, Math.floor((seconds % film.seconds) * film.rate));
-    if (film.pictures[k] === null) {
-      film.pictures[k] = film.pictures[Math.max(0, k - 1)] || undefined;
-      this.drawing.wait(createImageBitmap(new Blob([this.content.flat(film.frames[k])], {type: 'image/webp'})).then(image => { film.pictures[k] = image; }));
+    if (film.at !== k) {
+      film.at = k;
+      for (const [n, image] of film.pictures) if (Math.abs(n - k) > AHEAD) { image?.close(); film.pictures.delete(n); }
     }
-    return film.pictures[k];
+    if (!film.pictures.has(k) && !film.missing.has(k)) {
+      film.pictures.set(k, null);
+      this.drawing.wait(this.content.picture(film.frames[k]).then(image => {
+        if (!image) film.missing.add(k);
+        if (image && film.pictures.has(k)) film.pictures.set(k, image); else { image?.close(); film.pictures.delete(k); }
+      }));
+    }
+    for (let n = k; n >= k - AHEAD; n--) if (film.pictures.get(n)) return film.pictures.get(n);
+    return null;
+  }
+
+  // Which pictures of a step's films are missing, of those that were asked for.
+  notesAt(step) {
+    return step.films.map(n => this.films[n]).filter(film => film.missing.size).map(film =>
+      `no picture of the film at ${[...film.missing].sort((a, b) => a - b).map(k => `${(k / film.rate).toFixed(2)} s`).join(', ')} (the page, or a file beside it, is damaged or gone); the one before it stays`);
   }
 
   draw(g, step, t, width, height) {

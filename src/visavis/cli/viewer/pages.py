@@ -13,7 +13,7 @@ from typing import Any, Final
 from PIL import Image
 
 from visavis.cli.film.on_page import FilmPictures
-from visavis.cli.viewer.bundle import Bundle
+from visavis.cli.viewer.models import Models
 from visavis.lab.plain_files import unpacked
 from visavis.running.film_store import film_drawing
 from visavis.running.page.seen_trial import SeenStep, SeenTrial
@@ -26,7 +26,7 @@ WEBP_QUALITY: Final = 72
 
 def pages_of(
     trials: Sequence[SeenTrial],
-    bundle: Bundle,
+    models: Models,
     second_of: Callable[[int, int], float],
     on_trial: Callable[[int, int], None] | None,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -43,14 +43,14 @@ def pages_of(
                 for film in step.films.values():
                     if film not in numbers:
                         numbers[film] = len(films)
-                        films.append(_pack_film(film, pictures, bundle))
+                        films.append(_pack_film(film, pictures, models))
                 steps.append(_step_data(trial, step, numbers, second_of))
             if on_trial is not None:
                 on_trial(number, len(trials))
     return steps, films
 
 
-def _pack_film(film: Film, pictures: FilmPictures, bundle: Bundle) -> dict[str, Any]:
+def _pack_film(film: Film, pictures: FilmPictures, models: Models) -> dict[str, Any]:
     rate_hz = min(PICTURES_PER_S, film.rate_hz)
     seconds = film.frame_count / film.rate_hz
     count = max(1, round(seconds * rate_hz))
@@ -71,7 +71,7 @@ def _pack_film(film: Film, pictures: FilmPictures, bundle: Bundle) -> dict[str, 
         "rate": rate_hz,
         "width": width,
         "height": height,
-        "frames": [bundle.add_bytes(frame) for frame in frames],
+        "frames": [models.picture_file(frame) for frame in frames],
     }
 
 

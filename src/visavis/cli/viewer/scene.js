@@ -40,7 +40,7 @@ class Scene {
     this.turns = new Keys(own, data.turns);
     this.morphs = new Keys(own, data.morphs);
     this.light = own.columns(data.light)[0];
-    this.flat = data.flat ? new Flat(own, data.flat) : null;
+    this.flat = data.flat ? new Flat(own, data.flat, data.rate) : null;
     const n = data.cast.length, joints = data.joints;
     this.bones = new Float32Array(n * joints * 12);
     this.shapes = new Float32Array(SHAPES * n);

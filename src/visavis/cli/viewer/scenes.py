@@ -10,6 +10,7 @@ from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.flat import Showing
 from visavis.cli.viewer.models import Models
 from visavis.cli.viewer.motion import key_samples
+from visavis.cli.viewer.moving import NOTHING_MOVES, MovingFiles
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Vector
 from visavis.stimuli.motion.rotations import one_way_round
@@ -46,6 +47,8 @@ class Sample:
     """The same with the participant in it, last, where somebody can stand in for them."""
     showing: Showing | None = None
     """The flat stimuli in it."""
+    moving: MovingFiles = NOTHING_MOVES
+    """What of them moves, whose pixels `picture` has not."""
 
 
 def scene_content(
@@ -136,7 +139,7 @@ def _keys(
     return {
         "step": step,
         "k": tracks.shape[2],
-        "counts": bundle.add(counts.astype(np.uint16)),
-        "at": bundle.add(samples.astype(np.uint16)),
+        "counts": bundle.add(counts.astype(np.uint16 if counts.max() < 65536 else np.uint32)),
+        "at": bundle.add(samples.astype(np.uint16 if samples.max() < 65536 else np.uint32)),
         "v": bundle.add(values.astype(np.int16 if np.abs(values).max() < 32768 else np.int32)),
     }

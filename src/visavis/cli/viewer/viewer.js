@@ -598,7 +598,8 @@ class Viewer {
     $('said').classList.toggle('on-page', !!step);
     const recent = this.line.marks.filter(e => e.t <= this.t && e.t > this.t - 1.5).slice(-4);
     const felt = this.header.lanes.filter(l => l.spans.some(([a, b]) => this.t >= a && this.t < Math.max(b, a + 0.08))).map(l => l.name);
-    $('said').textContent = [...this.header.warning ? [this.header.warning] : [], ...scene?.flat?.notesAt(this.t) || [], ...trial?.problem ? [trial.problem] : [], ...recent.map(e => inWords(e.name)), ...felt].join('\n');
+    $('said').textContent = [...this.header.warning ? [this.header.warning] : [], ...scene?.flat?.notesAt(this.t) || [], ...step ? this.pages.notesAt(step) : [],
+      ...this.drawing.missing ? [`${this.drawing.missing} pictures of this page cannot be decoded and are white: its file is damaged`] : [], ...trial?.problem ? [trial.problem] : [], ...recent.map(e => inWords(e.name)), ...felt].join('\n');
     const dark = scene && light <= 0;
     $('nothing').style.display = step || scene && !dark ? 'none' : 'grid';
     $('nothing').textContent = dark ? 'dark' : trial ? trial.shown ? trial.beside && !trial.isLoaded ? this.problem || `loading ${trial.id} …` : '' : `${trial.id} is not in this page in space\nvisavis view … --trial ${trial.id}`
