@@ -13,9 +13,11 @@ from typer.testing import CliRunner
 from tests.cli.viewer_tab import header_of
 from tests.faults.sessions import CONFIG
 from visavis.cli.main import app
+from visavis.cli.viewer.report_views import write_views
 from visavis.lab.errors import DesignError
 from visavis.recording.manifest import read_manifest
 from visavis.results.opened_study import find_study
+from visavis.study.sections import TrialToSee
 
 HERE = """
 from visavis import Factor, Image, Study, looks_at
@@ -150,6 +152,35 @@ def test_sessions_whose_areas_are_gone_from_beside_the_study_are_measured_by_the
 
 @pytest.mark.slow
 @pytest.mark.parametrize("study", ["here", "paged"])
+def test_sessions_whose_picture_is_gone_are_measured_and_it_is_named(
+    folder: Path, tmp_path: Path, study: str
+) -> None:
+    sessions, tables = str(folder / "out/simulated" / study), []
+    for name in ("there", "gone"):
+        if name == "gone":
+            (folder / "a.png").unlink()
+        output = visavis("analyse", sessions, "--processes", "1", "--output", str(tmp_path / name))
+        assert (name == "gone") == ("a.png is gone" in output)
+        tables.append({p.name: p.read_bytes() for p in (tmp_path / name).glob("*.csv")})
+    assert {"trials.csv", "participants.csv", "cell_means.csv"} == set(tables[0])
+    assert tables[0] == tables[1]
+
+
+@pytest.mark.slow
+def test_a_report_has_no_pages_of_sessions_whose_picture_is_gone_and_names_it(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session = session_of(folder, "here")
+    study, trial = session.parent.parent, TrialToSee(session.parent.name[4:], "ses-001", "T01", "")
+    (folder / "a.png").unlink()
+    write_views(study, tmp_path, [trial])
+    output = " ".join(capsys.readouterr().out.split())
+    assert f"no page of trials of {session}: there is no picture" in output
+    assert [] == list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("study", ["here", "paged"])
 def test_a_page_of_a_session_whose_areas_are_gone_has_them_from_the_recording(
     folder: Path, tmp_path: Path, study: str
 ) -> None:
@@ -159,6 +190,18 @@ def test_a_page_of_a_session_whose_areas_are_gone_has_them_from_the_recording(
     assert AREAS_GONE in output
     (flat,) = (scene["flat"] for scene in header_of(page)["scenes"] if "flat" in scene)
     assert ["door", "lamp"] == [area["name"] for area in flat["areas"]]
+
+
+@pytest.mark.parametrize("video", ['Video("f.mp4", 9)', 'Panorama("f.mp4")', 'Image("f.png", 9)'])
+def test_what_was_shown_may_be_gone_in_recorded_sessions_alone(tmp_path: Path, video: str) -> None:
+    shown = HERE.replace('Image("a.png", 12, areas="a.yaml"), 0.5', f"{video}, 0.5")
+    file = tmp_path / "here.py"
+    file.write_text(shown.replace("import Factor", "import Factor, Panorama, Video"), "utf-8")
+    study = find_study(str(file))
+    recorded = study.experiment({}, is_recorded=True)
+    assert {video.split('"')[1]} == recorded.files_gone
+    with pytest.raises(DesignError, match=f"there is no .*{video.split(chr(34))[1]}"):
+        study.experiment_to_run({})
 
 
 def test_a_session_is_not_performed_without_a_file_of_areas(tmp_path: Path) -> None:

@@ -136,7 +136,7 @@ def fidelity_rows(experiment: StudyExperiment) -> tuple[FidelityRow, ...]:
     if source is None:
         return ()
     values = design_values(experiment)
-    own = design_values(StudyExperiment(study, areas_gone=set()))
+    own = design_values(StudyExperiment(study, files_gone=set()))
     rows = [
         *([] if source.participants is None else [_participants(source)]),
         *(_row_of(fact, values, own, study) for fact in source.facts),
@@ -204,7 +204,7 @@ def _set_or_derived(fact: Fact, value: Any, own: Mapping[str, Any], study: Study
     base = study.base
     if base is None:
         return ""
-    of_base = design_values(StudyExperiment(base, areas_gone=set()))
+    of_base = design_values(StudyExperiment(base, files_gone=set()))
     if not set(names_of(fact)) <= set(of_base) or _value_of(fact, of_base) == value:
         return ""
     return f"this study was derived so (its base: {_text(_value_of(fact, of_base))})"
@@ -248,7 +248,7 @@ def _was_left_out(name: str, study: Study) -> bool:
     """Tell whether a study from which this one was derived has a value of the design."""
     base = study.base
     while base is not None:
-        if name in design_values(StudyExperiment(base, areas_gone=set())):
+        if name in design_values(StudyExperiment(base, files_gone=set())):
             return True
         base = base.base
     return False

@@ -60,7 +60,7 @@ def refuse_unknown_names(experiment: StudyExperiment, measures: Sequence[Measure
     roles = frozenset().union(*(t.roles for t in experiment.read.values()))
     areas = frozenset().union(*(t.areas for t in experiment.read.values()))
     visible = tuple(sorted(roles | areas))
-    if not experiment.areas_gone:  # what those that are gone were called only recordings know
+    if not experiment.files_gone:  # what those that are gone were called only recordings know
         uses += [(n, "area or role", visible) for m in study.analysis.measures for n in m.areas]
     for name in (m.role for m in study.analysis.measures if m.role in areas - roles):
         raise DesignError(

@@ -108,14 +108,15 @@ class OpenedStudy:
     ) -> StudyExperiment:
         """Return the experiment; `overrides` replace parameters by name.
 
-        What `is_recorded` has its areas of interest in the recording: their files may be gone.
+        What `is_recorded` has what was measured, and areas of interest, in the recording: files of
+        pictures, films and areas may be gone.
 
         Raises:
             ConfigError: a parameter, a value or a text does not exist.
             DesignError: a trial cannot be run through.
         """
-        areas_gone = set[str]() if is_recorded else None
-        experiment = StudyExperiment(self.study, dict(overrides), areas_gone=areas_gone)
+        files_gone = set[str]() if is_recorded else None
+        experiment = StudyExperiment(self.study, dict(overrides), files_gone=files_gone)
         refuse_unknown_names(experiment, self.measures(experiment))
         refuse_unknown_levels(experiment)
         return experiment

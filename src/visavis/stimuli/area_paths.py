@@ -22,12 +22,12 @@ def names_of_areas(folder: Path, name: str) -> Iterator[str]:
 
 
 def with_areas_there(stimulus: Stimulus, folder: Path, names_gone: set[str]) -> Stimulus:
-    """Return a stimulus, without areas of interest where one of their files is not in the folder:
-    its name is then added to those in `names_gone`.
+    """Return a stimulus, without areas of interest where its file or one of theirs is not in the
+    folder: its name is then added to those in `names_gone`.
     """
-    if not isinstance(stimulus, Image | Video | Panorama) or not stimulus.areas:
+    if not isinstance(stimulus, Image | Video | Panorama):
         return stimulus
-    names = names_of_areas(folder, stimulus.areas)
+    names = [stimulus.file, *(names_of_areas(folder, stimulus.areas) if stimulus.areas else ())]
     absences = [name for name in names if not (folder / name).is_file()]
     names_gone.update(absences)
-    return replace(stimulus, areas="") if absences else stimulus
+    return replace(stimulus, areas="") if absences and stimulus.areas else stimulus

@@ -186,7 +186,10 @@ def read_trial(
                 if step.scene is not None:
                     scenes.append(step.scene)
                     chance = trial.rng(SCENE_STREAM + len(scenes) - 1)  # as in the session
-                    staging = Staging(chance, step.seconds, 0, settings.folder)
+                    may_lack = settings.files_gone is not None
+                    staging = Staging(
+                        chance, step.seconds, 0, settings.folder, may_lack_files=may_lack
+                    )
                     staged_scene = stage(step.scene, staging, settings.makers)
                     if stops_when_lit and staged_scene.scene.brightness_01 > 0:
                         lit_frame = staged_scene.frame(script.view, 0)

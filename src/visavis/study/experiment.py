@@ -66,8 +66,8 @@ class StudyExperiment:
     """The number of the session, from 1; it matters where sessions are a factor of the study."""
     heads_move: bool = field(default=True, kw_only=True)
     """False repeats a session of an older version: see `Staging.heads_move`."""
-    areas_gone: set[str] | None = field(default=None, kw_only=True)
-    """The files of areas that are gone; None refuses them: see `Settings.areas_gone`."""
+    files_gone: set[str] | None = field(default=None, kw_only=True)
+    """Files of stimuli and areas that are gone; None refuses them: see `Settings.files_gone`."""
 
     def __post_init__(self) -> None:
         criterion = self.study.design.practice_until
@@ -148,7 +148,7 @@ class StudyExperiment:
             ),
             held_answers=frozenset(m.held for m in self.study.analysis.measures if m.held),
             heads_move=self.heads_move,
-            areas_gone=self.areas_gone,
+            files_gone=self.files_gone,
         )
 
     @cached_property

@@ -303,6 +303,7 @@ class Staging:
     `folder` is the study file's, from which relative paths start; `start_ns` the session time of
     the frame before the onset; `screen` is what people sit before, None in a headset. Without
     `heads_move` everything looks for heads where they were at the onset, as older versions did.
+    What is read of a recording alone `may_lack_files` of pictures and films.
     """
 
     rng: np.random.Generator
@@ -311,6 +312,13 @@ class Staging:
     folder: Path = Path()
     screen: PlacedScreen | None = None
     heads_move: bool = True
+    may_lack_files: bool = False
+
+    def lacks(self, stimulus: Flat | Panorama | None) -> bool:
+        """Tell whether a picture or film is gone, and may be."""
+        if not self.may_lack_files or not isinstance(stimulus, Image | Video | Panorama):
+            return False
+        return not picture_path(stimulus, self.folder).is_file()
 
 
 Maker = Callable[..., StagedScene]
@@ -605,7 +613,10 @@ def flat(
     """
     if not items and not sounds and panorama is None:
         raise DesignError("t.show: there is nothing to show; give a stimulus, or several in a list")
+    lacks_some = any(map(staging.lacks, (panorama, *items)))
     for item in items:
+        if staging.lacks(item):
+            continue
         if isinstance(item, Image):
             picture_size(picture_path(item, staging.folder))
         elif isinstance(item, Video):
@@ -623,7 +634,7 @@ def flat(
         panorama=panorama,
         gaze_window=gaze_window,
     )
-    return StagedFlat(scene, areas=areas_of(scene))
+    return StagedFlat(scene, areas=() if lacks_some else areas_of(scene))
 
 
 def areas_of(scene: FlatScene) -> tuple[PictureAreas, ...]:

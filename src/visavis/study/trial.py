@@ -255,10 +255,10 @@ class TrialScript(HeardTrial):
         parts = parts_of(what)
         sounds, names, panorama = parts.sounds, parts.names, parts.panorama
         flats = tuple(map(self._with_seed, parts.flats))
-        folder, areas_gone = self.settings.folder, self.settings.areas_gone
-        if areas_gone is not None:
-            flats = tuple(with_areas_there(flat, folder, areas_gone) for flat in flats)
-            panorama = panorama and with_areas_there(panorama, folder, areas_gone)
+        folder, files_gone = self.settings.folder, self.settings.files_gone
+        if files_gone is not None:
+            flats = tuple(with_areas_there(flat, folder, files_gone) for flat in flats)
+            panorama = panorama and with_areas_there(panorama, folder, files_gone)
         is_flat = not parts.is_empty
         window = window_of(reveal, window_deg, edge_deg, blur_deg)
         if window is not None and not flats and panorama is None:
@@ -275,7 +275,7 @@ class TrialScript(HeardTrial):
             options |= {GAZE_WINDOW: window} if follows_gaze else {}
             scene = Scene(FLAT, items=flats, **options)
             if (sounds or own) and seconds is None and frames is None and until is None:
-                lengths_s = [facts_of(film, folder).seconds for film in own]
+                lengths_s = [self._seconds_of(film) for film in own]
                 seconds = max([*lengths_s, *map(self.settings.seconds_of, sounds)])
         elif isinstance(what, Scene | Room):
             scene = what if isinstance(what, Scene) else Scene(ROOM, room=what)
@@ -313,6 +313,12 @@ class TrialScript(HeardTrial):
             gaze_on=until if isinstance(until, GazeOn) else None,
             sounds=sounds,
         )
+
+    def _seconds_of(self, film: Video | Panorama) -> float:
+        """Return how long a film lasts; of a recording 0 if its file is gone, as of sounds."""
+        folder = self.settings.folder
+        is_gone = self.settings.files_gone is not None and not picture_path(film, folder).is_file()
+        return 0.0 if is_gone else facts_of(film, folder).seconds
 
     def _sound_of(self, film: Video | Panorama) -> tuple[Sound, ...]:
         """Return what is heard with a film; nothing of a silent one, or where its file is not."""

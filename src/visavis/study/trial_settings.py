@@ -44,9 +44,9 @@ class Settings:
     """Answers of which is measured how long their key is held."""
     heads_move: bool = True
     """False repeats a session of an older version: see `Staging.heads_move`."""
-    areas_gone: set[str] | None = None
-    """Where a set is given, what is shown has no areas if one of their files is gone, and the set
-    gets its name: a recording has its own. None refuses it."""
+    files_gone: set[str] | None = None
+    """Where a set is given, files of pictures and films that are shown, and of their areas, may be
+    gone, and the set gets their names: a recording has what was measured. None refuses it."""
 
     def note_repeat(self, trial_id: str) -> None:
         """Note that a trial comes again because it asked for it."""

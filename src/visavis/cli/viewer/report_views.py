@@ -7,6 +7,7 @@ from pathlib import Path
 from visavis.cli.notifier import NOTIFIER
 from visavis.cli.viewer.content import page_content, trial_lengths_ns
 from visavis.cli.viewer.page import page_of
+from visavis.lab.errors import DesignError
 from visavis.recording.cached import CachedRecording
 from visavis.recording.durable import make_folder, replace_file
 from visavis.recording.reader import Recording
@@ -19,7 +20,8 @@ from visavis.study.sections import TrialToSee
 def write_views(folder: Path, out_dir: Path, striking: Sequence[TrialToSee]) -> None:
     """Write one page for every session of a study's `folder` with trials to look at.
 
-    Trials that never began have nothing to show; a page made before is replaced.
+    Trials that never began have nothing to show; a page made before is replaced. Of a session whose
+    pictures are gone there is none, and it is said which is missing.
     """
     of_session = groupby(sorted(striking, key=_session), key=_session)
     trials_by_session = {key: tuple(one.trial_id for one in trials) for key, trials in of_session}
@@ -34,7 +36,11 @@ def write_views(folder: Path, out_dir: Path, striking: Sequence[TrialToSee]) -> 
             study, _ = study_of_folder(folder, recording.manifest.study)
             there = trial_lengths_ns(recording)
             trial_ids = [name for name in dict.fromkeys(names) if name in there]
-            header, bundle = page_content(study, recording, trial_ids, lambda _, __: None)
+            try:
+                header, bundle = page_content(study, recording, trial_ids, lambda _, __: None)
+            except DesignError as problem:  # a picture that was shown is gone
+                NOTIFIER.warn(f"no page of trials of {recording.path}: {problem}")
+                continue
             make_folder(out_dir / VIEWS, exist_ok=True)
             page = page_of(header, bundle).encode()
             replace_file(out_dir / VIEWS / view_name(participant, session), page)

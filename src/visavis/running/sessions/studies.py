@@ -83,7 +83,7 @@ from visavis.running.sessions.trial_counter import TrialCounter, repeating
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import reference_of
 from visavis.study.experiment import StudyExperiment
-from visavis.study.files_read import differing_files
+from visavis.study.files_read import differing_files, files_gone
 from visavis.study.pieces import Pieces
 from visavis.study.sections import TrialToSee
 
@@ -380,10 +380,16 @@ def _with_recorded_design(
     settings = read_settings(folder)
     parameters = {} if settings is None else settings.parameters
     now = opened_study.experiment(parameters, is_recorded=True)
-    if now.areas_gone:
-        names = ", ".join(sorted(now.areas_gone))
-        are = "is" if len(now.areas_gone) == 1 else "are"
-        notifier.warn(f"{names} {are} gone: areas of interest are those of the recordings")
+    stimuli = opened_study.study.files.trial_folder
+    losses = set(now.files_gone or ()).union(
+        *(files_gone(m.configuration, stimuli) for m in manifests)
+    )
+    if losses:
+        names, are = ", ".join(sorted(losses)), "is" if len(losses) == 1 else "are"
+        notifier.warn(
+            f"{names} {are} gone: measures and areas of interest are those of the recordings, and "
+            "what would be drawn from files that are gone is left out"
+        )
     changes, mixture_warning = compare_designs(manifests, now)
     require_recorded_factors(folder, manifests, now)
     if changes:
