@@ -83,6 +83,7 @@ def write_glb(
     eyes_on_head: bool = False,
     eye_ahead_m: float = 0.0,
     apart: Apart | None = None,
+    shapes: Sequence[str] = ("eyeBlinkLeft",),
 ) -> None:
     """Write a figure that faces +z with its arms half lowered, as most files have it.
 
@@ -142,7 +143,7 @@ def write_glb(
     ]
     attributes = {"POSITION": 0, "JOINTS_0": 1, "WEIGHTS_0": 2}
     primitives: list[dict[str, Any]] = [
-        {"attributes": attributes, "indices": 3, "targets": [{"POSITION": 5}]}
+        {"attributes": attributes, "indices": 3, "targets": [{"POSITION": 5} for _ in shapes]}
     ]
     pictures: tuple[np.ndarray, ...] = () if plate is None else plate.pictures
     if worn_as is not None:
@@ -190,7 +191,7 @@ def write_glb(
         "buffers": [{"byteLength": len(binary)}],
         "bufferViews": views,
         "accessors": accessors,
-        "meshes": [{"primitives": primitives, "extras": {"targetNames": ["eyeBlinkLeft"]}}],
+        "meshes": [{"primitives": primitives, "extras": {"targetNames": [*shapes]}}],
         "nodes": nodes,
         "scenes": [{"nodes": [0, len(nodes) - 1]}],
     }

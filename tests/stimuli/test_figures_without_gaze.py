@@ -14,7 +14,7 @@ from visavis.cli.main import app
 from visavis.lab.errors import DesignError
 from visavis.stimuli.characters.body_parts import PART_INDEX
 from visavis.stimuli.characters.cast import load_character
-from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.character import MORPHS, Character
 from visavis.stimuli.characters.checking import findings
 from visavis.stimuli.characters.errors import CharacterError
 from visavis.stimuli.characters.gltf import import_gltf
@@ -23,10 +23,13 @@ from visavis.stimuli.characters.library import import_characters
 from visavis.stimuli.characters.sizing import scale_to_stature
 from visavis.stimuli.characters.storage import read_character, write_character
 from visavis.stimuli.dressing.casting import default_casting, members_of, use_cast
+from visavis.stimuli.dressing.gathering import gathering_picture
 from visavis.stimuli.gaze.behaviour import EyeBehaviour
 from visavis.stimuli.gaze.blinks import Blinks
 from visavis.stimuli.motion.telephoning import tragus_m
+from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M, SPEAKER_EYE_M, audience_scene
+from visavis.study.scenes import Staging, person
 
 UNTURNABLE: dict[str, dict[str, Any]] = {
     "no eyes": {"leave_out": ("left_eye", "right_eye")},
@@ -154,6 +157,64 @@ def test_who_has_no_gaze_looks_nowhere_and_is_never_made_to() -> None:
     for make in (eyes.staring, lambda who: eyes.turning(who, 0, to_observer=True)):
         with pytest.raises(DesignError, match=r"c3 has no gaze: .* let somebody whose eyes turn"):
             make(close)
+
+
+BLINKS: dict[str, tuple[list[str], bool]] = {
+    "ARKit": (["eyeBlinkLeft", "eyeBlinkRight"], True),
+    "VRM": (["Blink"], True),
+    "VRoid": (["Face.M_F00_000_00_Fcl_EYE_Close"], True),
+    "one eye": (["eyeBlinkLeft"], False),
+    "none": (["jawOpen"], False),
+}
+
+
+@pytest.mark.parametrize(("shapes", "has_lids"), BLINKS.values(), ids=BLINKS)
+def test_lids_are_those_that_shapes_of_a_file_close(
+    tmp_path: Path, shapes: list[str], has_lids: bool
+) -> None:
+    write_glb(tmp_path / "mascot.glb", **UNTURNABLE["on discs"], shapes=shapes)
+    figure = import_gltf(tmp_path / "mascot.glb", gaze=False)
+    assert has_lids == figure.has_lids
+    if has_lids:  # both sides together close them once
+        morphs = figure.levels[0].morphs
+        downs_m = [morphs[f"{side}_blink"].delta_m[:, 1].min() for side in ("left", "right")]
+        assert pytest.approx(-0.005 * len(shapes), rel=1e-3) == sum(downs_m)
+
+
+def test_who_has_no_gaze_blinks_with_the_lids_of_their_file() -> None:
+    m, close = 11, 3
+    scene = audience_scene([f"c{i}" for i in range(m)])
+    agents = tuple(
+        replace(a, has_gaze=i != close, has_lids=True) for i, a in enumerate(scene.agents)
+    )
+    blinks = Blinks(*(np.array([row], np.int64) for row in (close, 0, 10**9)))
+    eyes = EyeBehaviour.of_scene(
+        replace(scene, agents=agents), target_m=SPEAKER_EYE_M, blinks=blinks
+    )
+    for t_ns, openness_01 in ((4 * 10**8, 0.0), (2 * 10**9, 1.0)):
+        gaze, openness, is_moving = eyes.at(t_ns, PARTICIPANT_EYE_M)
+        assert openness_01 == openness[close]
+        assert (openness_01 < 1) == is_moving
+        np.testing.assert_array_equal(np.arange(m) == close, np.isnan(gaze.sum(axis=1)))
+    assert np.isnan(eyes.distance_m(0, PARTICIPANT_EYE_M)[close])
+
+
+@pytest.mark.usefixtures("nobody_cast")
+@pytest.mark.parametrize("is_closed", [True, False])
+def test_a_figure_without_gaze_in_a_gathering_is_drawn_with_its_lids(
+    tmp_path: Path, is_closed: bool
+) -> None:
+    library, mascot = tmp_path / "characters", tmp_path / "mascot.glb"
+    write_glb(mascot, **UNTURNABLE["on discs"], shapes=BLINKS["ARKit"][0])
+    (result,) = import_characters(mascot, library, gender="male", gaze=False)
+    assert result.character, result.problem
+    use_cast(members_of(["mascot"], tmp_path, library), library)
+    scene = person(Staging(np.random.default_rng(0), 5.0), character="mascot", eyes="none").scene
+    assert [True] == [agent.has_lids for agent in scene.agents]
+    openness_01 = np.array([float(not is_closed)])
+    picture = gathering_picture(SceneFrame(scene, 0, np.full((1, 3), np.nan), openness_01))
+    row = MORPHS.index("left_blink")
+    assert float(is_closed) == picture.people.morphs_01[0, row]
 
 
 def test_a_head_with_flat_sides_has_no_ear() -> None:

@@ -22,7 +22,8 @@ class Agent:
     `character` names the model that plays the part, `place` where it sits ("left_close"),
     `head_centre_m` (3,) and `head_radius_m` its head as a sphere, `facing` (3,) the unit
     direction of the head's front, all in world; `eye_centre_m` (3,) the midpoint between its
-    eyes, from which gaze directions start. Without gaze its eyes cannot turn.
+    eyes, from which gaze directions start. Without gaze its eyes cannot turn, and it blinks only
+    if it `has_lids`.
     """
 
     agent_id: str
@@ -33,6 +34,7 @@ class Agent:
     facing: Vector
     eye_centre_m: Vector
     has_gaze: bool = True
+    has_lids: bool = False
 
 
 @dataclass(frozen=True)

@@ -139,3 +139,8 @@ class Character:
     def has_gaze(self) -> bool:
         """Whether its eyes turn; one without gaze looks nowhere that could be told."""
         return self.eyeball is not None
+
+    @property
+    def has_lids(self) -> bool:
+        """Whether shapes of its face close both eyes; without gaze many have none."""
+        return {"left_blink", "right_blink"} <= set(self.levels[0].morphs)

@@ -77,6 +77,7 @@ def agents_of(
                 facing,
                 eyes,
                 character.has_gaze,
+                character.has_lids,
             )
         )
     return tuple(agents)

@@ -25,6 +25,9 @@ MAXIMUM_TURN_DEG: Final = 30.0
 SACCADE_BASE_MS: Final = 21.0
 SACCADE_MS_PER_DEG: Final = 2.2
 NEVER_NS: Final = np.iinfo(np.int64).max
+NO_GAZE: Final = np.array([np.nan, 0.0, 0.0])
+NO_LIDS: Final = np.full(3, np.nan)
+"""Where who has no gaze faces: with lids that blink, and without."""
 
 EyeState = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], bool]
 
@@ -95,7 +98,7 @@ def _eyes_at(
     gaze = state[: 3 * m].reshape((m, 3))
     openness = state[3 * m :]
     for j in range(m):
-        openness[j] = np.nan if np.isnan(eyes.facing[j, 0]) else 1.0
+        openness[j] = np.nan if np.isnan(eyes.facing[j, 1]) else 1.0
     old = np.empty(3)
     new = np.empty(3)
     limit_rad = np.radians(MAXIMUM_TURN_DEG)
@@ -133,7 +136,7 @@ def _eyes_at(
     for i in range(eyes.blink_agent.shape[0]):
         if eyes.blink_start_ns[i] > t_ns:
             break
-        if t_ns < eyes.blink_end_ns[i] and not np.isnan(eyes.facing[eyes.blink_agent[i], 0]):
+        if t_ns < eyes.blink_end_ns[i] and not np.isnan(eyes.facing[eyes.blink_agent[i], 1]):
             moving = True
             tau = (t_ns - eyes.blink_start_ns[i]) / (eyes.blink_end_ns[i] - eyes.blink_start_ns[i])
             if tau < CLOSING_01:
@@ -213,11 +216,11 @@ def _follow(
 class EyeBehaviour:
     """The behaviour of the eyes of m agents; every result is a function of time alone.
 
-    `eye_centre_m` and `facing` (m, 3) as in the scene, `facing` NaN for agents without gaze, whose
-    directions, distances and lids are NaN, too; `targets_m` (2, m, 3) the points looked at
-    before and after each agent's turn; `follows_observer` (2, m) replaces a point by the
-    observer's eyes wherever these are; `turn_ns` (m,) when the saccade from one to the other
-    begins, `NEVER_NS` for none.
+    `eye_centre_m` and `facing` (m, 3) as in the scene, `facing` NO_GAZE or NO_LIDS for agents
+    without gaze, whose directions and distances are NaN, and openness without lids; `targets_m`
+    (2, m, 3) the points looked at before and after each agent's turn; `follows_observer` (2, m)
+    replaces a point by the observer's eyes wherever these are; `turn_ns` (m,) when the saccade
+    from one to the other begins, `NEVER_NS` for none.
 
     Where the observer is, is one point (3,) for all agents, or (m, 3) for each of them as seen
     from `eye_centre_m`: nearer, say, for one who has come nearer. Points go along with agents.
@@ -250,7 +253,9 @@ class EyeBehaviour:
     def of_scene(cls, scene: Scene, *, target_m: Vector, blinks: Blinks) -> Self:
         """Let every agent of a scene look at one point."""
         m = len(scene.agents)
-        facing = [a.facing if a.has_gaze else np.full(3, np.nan) for a in scene.agents]
+        facing = [
+            a.facing if a.has_gaze else NO_GAZE if a.has_lids else NO_LIDS for a in scene.agents
+        ]
         return cls(
             np.array([a.eye_centre_m for a in scene.agents], np.float64).reshape(m, 3),
             np.array(facing, np.float64).reshape(m, 3),

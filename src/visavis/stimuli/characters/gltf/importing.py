@@ -57,6 +57,8 @@ MIN_MOVE_M: Final = 2e-5
 
 _FROWNING, _BROWS_DOWN = r"mouth_?frown", r"brow_?down_?(l|r|left|right)?$"
 """Brows alone make no frown: without shapes of the mouth, the smile the other way round does."""
+_BOTH_CLOSE = r"^blink$|fcl_eye_close$|(?<![a-z])(?<![lr]_)eyes?_?(blink|closed?)$"
+"""A shape of both lids in one, half of it on either side: both blink together."""
 _SHAPES: Final[Mapping[str, tuple[tuple[str, float], ...]]] = {
     "left_blink": (
         (
@@ -374,15 +376,21 @@ def _moving_shapes(surfaces: Sequence[Surface]) -> frozenset[str]:
 
 def _morphs(surface: Surface, moving: Set[str]) -> dict[str, Vector]:
     """Return our shapes of the face as sums of the file's that are `moving`."""
+
+    def fits(pattern: str) -> list[Vector]:
+        return [
+            delta
+            for name, delta in surface.shapes.items()
+            if name in moving and re.search(pattern, name.rsplit(".", 1)[-1].lower())
+        ]
+
     sums: dict[str, Vector] = {}
     for ours, patterns in _SHAPES.items():
         for pattern, amount in patterns:
-            fits = [
-                delta
-                for name, delta in surface.shapes.items()
-                if name in moving and re.search(pattern, name.rsplit(".", 1)[-1].lower())
-            ]
-            if fits:
-                sums[ours] = amount * np.sum(fits, axis=0)
+            if deltas := fits(pattern):
+                sums[ours] = amount * np.sum(deltas, axis=0)
                 break
+    blinks = [f"{side}_blink" for side in SIDES]
+    if not sums.keys() & set(blinks) and (deltas := fits(_BOTH_CLOSE)):
+        sums |= dict.fromkeys(blinks, 0.5 * np.sum(deltas, axis=0))
     return sums
