@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from visavis.lab.yaml_lines import read_document
-from visavis.stimuli.flat import Flat, Image, Panorama, Video
+from visavis.stimuli.flat import Flat, Image, Panorama, Video, picture_path
 
 Stimulus = TypeVar("Stimulus", bound=Flat | Panorama)
 
@@ -19,6 +19,14 @@ def names_of_areas(folder: Path, name: str) -> Iterator[str]:
         for area in dict(read_document(path).data or {}).values():
             if isinstance(area, Mapping) and "mask" in area:
                 yield (Path(name).parent / str(area["mask"])).as_posix()
+
+
+def is_gone(stimulus: Flat | Panorama, folder: Path) -> bool:
+    """Tell whether a stimulus is of a file that is not in the folder."""
+    return (
+        isinstance(stimulus, Image | Video | Panorama)
+        and not picture_path(stimulus, folder).is_file()
+    )
 
 
 def with_areas_there(stimulus: Stimulus, folder: Path, names_gone: set[str]) -> Stimulus:

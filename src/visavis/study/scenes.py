@@ -20,6 +20,7 @@ from visavis.lab.kinds import takes_kinds, wrong_kind
 from visavis.lab.screen import PlacedScreen
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.steps import FrameView, GazeView, UpdateAhead
+from visavis.stimuli.area_paths import is_gone
 from visavis.stimuli.areas import Areas, PictureAreas
 from visavis.stimuli.audible import Audible
 from visavis.stimuli.dressing.casting import default_casting
@@ -314,12 +315,6 @@ class Staging:
     heads_move: bool = True
     may_lack_files: bool = False
 
-    def lacks(self, stimulus: Flat | Panorama | None) -> bool:
-        """Tell whether a picture or film is gone, and may be."""
-        if not self.may_lack_files or not isinstance(stimulus, Image | Video | Panorama):
-            return False
-        return not picture_path(stimulus, self.folder).is_file()
-
 
 Maker = Callable[..., StagedScene]
 """Makes a staged scene: called with a `Staging` and the scene's options by name."""
@@ -613,10 +608,9 @@ def flat(
     """
     if not items and not sounds and panorama is None:
         raise DesignError("t.show: there is nothing to show; give a stimulus, or several in a list")
-    lacks_some = any(map(staging.lacks, (panorama, *items)))
-    for item in items:
-        if staging.lacks(item):
-            continue
+    all_items, folder = (*items, *((panorama,) if panorama else ())), staging.folder
+    losses = [x for x in all_items if staging.may_lack_files and is_gone(x, folder)]
+    for item in (item for item in items if item not in losses):
         if isinstance(item, Image):
             picture_size(picture_path(item, staging.folder))
         elif isinstance(item, Video):
@@ -634,7 +628,7 @@ def flat(
         panorama=panorama,
         gaze_window=gaze_window,
     )
-    return StagedFlat(scene, areas=() if lacks_some else areas_of(scene))
+    return StagedFlat(scene, areas=() if losses else areas_of(scene))
 
 
 def areas_of(scene: FlatScene) -> tuple[PictureAreas, ...]:

@@ -31,7 +31,7 @@ from visavis.protocol.plan.steps import (
     Show,
     Step,
 )
-from visavis.stimuli.area_paths import with_areas_there
+from visavis.stimuli.area_paths import is_gone, with_areas_there
 from visavis.stimuli.audible import Sound
 from visavis.stimuli.film_file import facts_of
 from visavis.stimuli.flat import (
@@ -316,9 +316,8 @@ class TrialScript(HeardTrial):
 
     def _seconds_of(self, film: Video | Panorama) -> float:
         """Return how long a film lasts; of a recording 0 if its file is gone, as of sounds."""
-        folder = self.settings.folder
-        is_gone = self.settings.files_gone is not None and not picture_path(film, folder).is_file()
-        return 0.0 if is_gone else facts_of(film, folder).seconds
+        folder, may_lack = self.settings.folder, self.settings.files_gone is not None
+        return 0.0 if may_lack and is_gone(film, folder) else facts_of(film, folder).seconds
 
     def _sound_of(self, film: Video | Panorama) -> tuple[Sound, ...]:
         """Return what is heard with a film; nothing of a silent one, or where its file is not."""
