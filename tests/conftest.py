@@ -1,5 +1,6 @@
 """Settings for all tests, and the browser that some of them look at pages with."""
 
+import gc
 import os
 import shutil
 import signal
@@ -14,11 +15,15 @@ from platformdirs import user_cache_path
 from tests import tiers
 from tests.commands import COMMANDS
 from tests.store import STORE
+from visavis.lab.garbage import NEW_OBJECTS
 
 # Tests give processes of their own another cache folder; kernels need not be compiled again for it.
 os.environ.setdefault(
     "NUMBA_CACHE_DIR", str(user_cache_path("visavis", appauthor=False) / "kernels" / "tests")
 )
+
+# Importing tests makes many objects and keeps them; nobody looks at a session of theirs.
+gc.set_threshold(NEW_OBJECTS, *gc.get_threshold()[1:])
 
 # A landing must not depend on the luck of a draw; a developer's own run goes on exploring. Nor may
 # any test depend on how busy the machine is.
@@ -60,6 +65,12 @@ def pytest_configure(config: pytest.Config) -> None:
     tiers.install(config)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish() -> None:
+    """Let no search for garbage go through what all tests have imported: it is none."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)
