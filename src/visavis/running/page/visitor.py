@@ -7,7 +7,7 @@ import base64
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import takewhile
 from typing import Any, Final
 
@@ -507,7 +507,7 @@ def visitor_of(person: Any, experiment: StudyExperiment, store: FilmStore) -> Vi
         person,
         films,
         experiment.words,
-        scenes_seen(_frames_of_films(store)),
+        scenes_seen(partial(_first_and_last, store)),
         store,
         experiment.settings.sound_of,
         digits=digits,
@@ -516,18 +516,15 @@ def visitor_of(person: Any, experiment: StudyExperiment, store: FilmStore) -> Vi
     )
 
 
-def _frames_of_films(store: FilmStore) -> Callable[[Film | Pair], tuple[SceneFrame, SceneFrame]]:
-    @lru_cache(maxsize=256)
-    def first_and_last(film: Film | Pair) -> tuple[SceneFrame, SceneFrame]:
-        seconds = seconds_of(film)
-        seed = next(iter(films_of(film).values())).seed
-        staging = Staging(np.random.default_rng(seed), seconds, 0, store.study_folder)
-        staged_scene = stage(scene_of(film), staging, store.makers)
-        end_ns = max(1, round(seconds * NS_PER_S))
-        first = staged_scene.frame(still_view(0), 0)
-        if first is None:
-            raise ConfigError(f"scene {scene_of(film).name} shows nothing at its onset")
-        last = staged_scene.frame(still_view(end_ns), end_ns) or first
-        return first, replace(last, t_ns=end_ns)
-
-    return first_and_last
+@lru_cache(maxsize=256)  # for all visitors of an experiment, who see the same films
+def _first_and_last(store: FilmStore, film: Film | Pair) -> tuple[SceneFrame, SceneFrame]:
+    seconds = seconds_of(film)
+    seed = next(iter(films_of(film).values())).seed
+    staging = Staging(np.random.default_rng(seed), seconds, 0, store.study_folder)
+    staged_scene = stage(scene_of(film), staging, store.makers)
+    end_ns = max(1, round(seconds * NS_PER_S))
+    first = staged_scene.frame(still_view(0), 0)
+    if first is None:
+        raise ConfigError(f"scene {scene_of(film).name} shows nothing at its onset")
+    last = staged_scene.frame(still_view(end_ns), end_ns) or first
+    return first, replace(last, t_ns=end_ns)
