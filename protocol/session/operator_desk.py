@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, Literal
 
-from visavis.devices.contracts import Armband, Fault
+from visavis.devices.contracts import Armband, Fault, Health
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import SessionAborted
 from visavis.protocol.plan.session_plan import Trial
@@ -31,6 +31,9 @@ answers), `segment`, `person` and `vibrates`."""
 
 FAULT_CHECK_NS = 200 * NS_PER_MS
 """How often device faults are looked at."""
+
+HEALTH_NS = 200 * NS_PER_MS
+"""How old the streams' figures of a status may be: clocks are fitted for them."""
 
 LOST_STREAM_NS = 3 * NS_PER_S
 """A blocking fault that lasts this long within a trial interrupts it."""
@@ -116,6 +119,8 @@ class OperatorDesk:
         self.check_due_ns = 0
         """When faults are looked for next (`visavis.protocol.session.frame_loop.FaultWatch`)."""
         self._next_status_ns = 0
+        self._health: dict[str, Health] = {}
+        self._next_health_ns = 0
         self._messages: list[tuple[int, str]] = []
         self._prompt = ""
         self._in_trial = False
@@ -504,6 +509,8 @@ class OperatorDesk:
         if trial is not None and not setup.blind:
             condition = ", ".join(_factor_words(k, v) for k, v in trial.factors.items())
         verdict = calibration.verdict if calibration else None
+        if t_ns >= self._next_health_ns:
+            self._health, self._next_health_ns = self._rig.health(), t_ns + HEALTH_NS
         return SessionStatus(
             state=self._states.state,
             participant=setup.name.participant,
@@ -519,7 +526,7 @@ class OperatorDesk:
             trial_left_s=None
             if self.trial_end_ns is None or self.trial_end_ns <= t_ns
             else (self.trial_end_ns - t_ns) / NS_PER_S,
-            health=self._rig.health(),
+            health=self._health,
             calibration=CalibrationStatus(
                 accuracy_deg=verdict.accuracy_deg if verdict else None,
                 precision_deg=verdict.precision_deg if verdict else None,

@@ -1,4 +1,5 @@
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,14 @@ from tests.faults.sessions import (
     verdict,
 )
 from visavis.analysis.session_verdict import Level
+from visavis.devices.contracts import Health
 from visavis.devices.registry import driver_spec
 from visavis.experiments.stare.trial import TRAINING_PROMPT
 from visavis.lab.config import DeviceConfig, GazeChecks
 from visavis.lab.errors import SessionAborted
 from visavis.protocol.session.operator import Action, Command
+from visavis.protocol.session.operator_desk import HEALTH_NS
+from visavis.protocol.session.rig import RunningRig
 from visavis.protocol.session.states import TRANSITIONS, SessionState
 from visavis.recording.reader import Recording
 
@@ -336,3 +340,24 @@ def test_an_eyelink_is_calibrated_by_its_host_between_trials(tmp_path: Path) -> 
     assert rows.loc[("T03", 1), "calibration_id"] != rows.loc[("T02", 1), "calibration_id"]
     assert rows.loc[("T03", 1), "calibration_accepted"]
     assert [] == [e for e in events(recording, "fault") if e["role"] == "eye_tracker"]
+
+
+def test_figures_of_streams_are_made_as_often_as_people_read_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Whoever is shown every frame gets no clock fitted for every frame.
+    made_ns: list[int] = []
+    make = RunningRig.health
+
+    def health(rig: RunningRig) -> dict[str, Health]:
+        made_ns.append(rig._clock.now_ns())
+        return make(rig)
+
+    monkeypatch.setattr(RunningRig, "health", health)
+    operator = ScriptedOperator()
+    perform(lab(tmp_path), operator, trial_s=1.0)
+    assert HEALTH_NS <= min(later - now for now, later in pairwise(made_ns))
+    assert len(made_ns) < len(operator.seen) / 4
+    received = [status.health["eye_tracker"].received for status in operator.seen]
+    assert sorted(received) == received
+    assert 0 < received[-1]
