@@ -103,17 +103,10 @@ def test_figures_of_paths_stand_for_every_configuration(report):
     assert {"paths_1.svg", "paths_2.svg", "similarity.svg", "collisions_by_condition.svg"} <= names
 
 
-def test_single_walks_stand_from_above_with_their_contacts_and_each_opens_its_page(tmp_path):
-    asked = []
-
-    def make_views(folder, trials):
-        asked.extend(trials)
-        (folder / VIEWS).mkdir()
-        for one in trials:
-            (folder / VIEWS / view_name(one.participant, one.session)).touch()
-
-    text = write(tables(walks(2)), tmp_path, make_views=make_views).read_text(encoding="utf-8")
-    assert (tmp_path / "figures" / "walks.svg").exists()
+def test_single_walks_stand_from_above_with_their_contacts_and_each_opens_its_page(of_three):
+    report, asked = of_three
+    text = report.read_text(encoding="utf-8")
+    assert (report.parent / "figures" / "walks.svg").exists()
     assert ["T01", "T11", "T21"] == [one.trial_id for one in asked]
     section = text.partition('id="walks"')[2].partition("</section")[0]
     for one in asked:
@@ -137,14 +130,10 @@ def test_a_walk_of_the_median_length_stands_for_its_block():
     assert "NoHaptic1: 30.0 m, 1 collision, the median length of its block" == shown[0].why
 
 
-def test_looks_at_people_over_time_stand_by_block_where_gaze_was_recorded(tmp_path):
-    given = tables(walks(3, configurations=1))
-    key = ["participant", "session", "trial_id", "attempt", "condition"]
-    steps = [given["trials"][key].assign(t_ms=t, on_agent_01=0.25) for t in (125.0, 375.0)]
-    given[TIME_COURSE] = pd.concat(steps)
-    text = write(given, tmp_path).read_text(encoding="utf-8")
-    assert "share of usable gaze on people" in text
-    looks = pd.read_csv(tmp_path / "time_course.csv")
+def test_looks_at_people_over_time_stand_by_block_where_gaze_was_recorded(of_three):
+    report, _ = of_three
+    assert "share of usable gaze on people" in report.read_text(encoding="utf-8")
+    looks = pd.read_csv(report.parent / "time_course.csv")
     assert {"NoHaptic1": 6, "Haptic": 6, "NoHaptic2": 6} == looks[
         "condition"
     ].value_counts().to_dict()
@@ -165,22 +154,39 @@ def test_a_study_with_everybody_left_out_says_so():
 
 @pytest.fixture(scope="module")
 def of_three(tmp_path_factory):
-    """Return the report on three people who took part, one of whose recordings is not whole."""
+    """Return the report on three people who took part, one of whose recordings is not whole, and
+    the walks whose pages it asked for; gaze was recorded.
+    """
     walked = walks(3)
     for walk in walked:
         walk.row["is_simulated"] = False
+    given = tables(walked)
+    key = ["participant", "session", "trial_id", "attempt", "condition"]
+    steps = [given["trials"][key].assign(t_ms=t, on_agent_01=0.25) for t in (125.0, 375.0)]
+    given[TIME_COURSE] = pd.concat(steps)
     broken = SessionSource("S00", "ses-001", "2026-01-01", "crashed", "0" * 64, "abc")
     provenance = replace(PROVENANCE, sessions=(broken,))
-    return written(tmp_path_factory.mktemp("three"), walked, provenance)
+    asked = []
+
+    def make_views(folder, trials):
+        asked.extend(trials)
+        (folder / VIEWS).mkdir()
+        for one in trials:
+            (folder / VIEWS / view_name(one.participant, one.session)).touch()
+
+    folder = tmp_path_factory.mktemp("three")
+    return write(given, folder, provenance, make_views=make_views), asked
 
 
 def test_real_walks_are_not_marked_as_simulated(of_three):
-    assert "SIMULATED" not in of_three.read_text(encoding="utf-8")
-    assert {False} == set(pd.read_csv(of_three.parent / "statistics.csv")["is_simulated"])
+    report, _ = of_three
+    assert "SIMULATED" not in report.read_text(encoding="utf-8")
+    assert {False} == set(pd.read_csv(report.parent / "statistics.csv")["is_simulated"])
 
 
 def test_recordings_that_are_not_whole_are_named(of_three):
-    assert "crashed" in of_three.read_text(encoding="utf-8").partition('id="provenance"')[2]
+    report, _ = of_three
+    assert "crashed" in report.read_text(encoding="utf-8").partition('id="provenance"')[2]
 
 
 def test_the_control_group_is_counted_tested_apart_and_compared(tmp_path):
