@@ -194,12 +194,12 @@ def test_a_page_of_a_session_whose_areas_are_gone_has_them_from_the_recording(
 
 @pytest.mark.parametrize("video", ['Video("f.mp4", 9)', 'Panorama("f.mp4")', 'Image("f.png", 9)'])
 def test_what_was_shown_may_be_gone_in_recorded_sessions_alone(tmp_path: Path, video: str) -> None:
-    shown = HERE.replace('Image("a.png", 12, areas="a.yaml"), 0.5', f"{video}, 0.5")
+    text = HERE.replace('Image("a.png", 12, areas="a.yaml"), 0.5', f"{video}, 0.5")
     file = tmp_path / "here.py"
-    file.write_text(shown.replace("import Factor", "import Factor, Panorama, Video"), "utf-8")
+    file.write_text(text.replace("import Factor", "import Factor, Panorama, Video"), "utf-8")
     study = find_study(str(file))
-    recorded = study.experiment({}, is_recorded=True)
-    assert {video.split('"')[1]} == recorded.files_gone
+    of_recording = study.experiment({}, is_recorded=True)
+    assert {video.split('"')[1]} == of_recording.files_gone
     with pytest.raises(DesignError, match=f"there is no .*{video.split(chr(34))[1]}"):
         study.experiment_to_run({})
 

@@ -79,15 +79,15 @@ def test_a_map_is_of_one_trial_and_what_is_behind_the_eye_is_nowhere() -> None:
     assert (once * GRID.area_deg2()).sum() == pytest.approx(0.1, rel=1e-4)
 
 
-@pytest.mark.parametrize("lost", [slice(0, 0), slice(10, 100), slice(4, 29)])
+@pytest.mark.parametrize("gap", [slice(0, 0), slice(10, 100), slice(4, 29)])
 def test_gaze_on_something_that_moves_ends_on_it(
-    lost: slice, monkeypatch: pytest.MonkeyPatch
+    gap: slice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A board .3 m wide passes at 1.1 m/s, 2 m away, and gaze follows its middle."""
     t_ns = np.arange(0, 5 * NS_PER_S, NS_PER_S // 120)
     across_m = 1.1 * (t_ns / NS_PER_S - 2.5)
     valid = np.ones(len(t_ns), np.bool_)
-    valid[lost] = False
+    valid[gap] = False
     trial: Any = SimpleNamespace(
         gaze={
             "t_sample_ns": t_ns,

@@ -212,7 +212,7 @@ def test_a_picture_that_cannot_be_decoded_is_named_and_the_next_goes_on(
     bad, good = 9, 13
     begin_s, rate = scene["t0"], scene["rate"]
     tab.evaluate(ROW, begin_s + 0.5 / rate)
-    undamaged = tab.evaluate(
+    whole_file = tab.evaluate(
         """([t, n]) => { const {files} = viewer.sceneAt(t).flat.data.sheets.at(-1).moving,
         file = viewer.content.flat(files[n]), before = [...file]; file.fill(0); return before; }""",
         [begin_s, int(at[bad])],
@@ -226,7 +226,7 @@ def test_a_picture_that_cannot_be_decoded_is_named_and_the_next_goes_on(
         tab.evaluate(
             """([t, n, file]) => { const [moving] = viewer.sceneAt(t).flat.moving.values();
             viewer.content.flat(moving.files[n]).set(file); moving.missing.clear(); }""",
-            [begin_s, int(at[bad]), undamaged],
+            [begin_s, int(at[bad]), whole_file],
         )
     assert numbers[0] == number_of(np.array([stands], np.uint8))
     assert numbers[good] == number_of(np.array([goes_on], np.uint8))
@@ -249,9 +249,9 @@ HOURS = """async () => {
 
 
 def test_of_a_film_of_two_hours_few_pictures_are_held(tab: Any) -> None:
-    most, shown, (note,) = tab.evaluate(HOURS)
+    most, picture_count, (note,) = tab.evaluate(HOURS)
     assert 25 >= most
-    assert 1500 < shown
+    assert 1500 < picture_count
     assert note.startswith("no picture of the film at 0.25 s (")
 
 

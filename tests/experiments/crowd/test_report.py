@@ -104,12 +104,12 @@ def test_figures_of_paths_stand_for_every_configuration(report):
 
 
 def test_single_walks_stand_from_above_with_their_contacts_and_each_opens_its_page(of_three):
-    report, asked = of_three
+    report, view_trials = of_three
     text = report.read_text(encoding="utf-8")
     assert (report.parent / "figures" / "walks.svg").exists()
-    assert ["T01", "T11", "T21"] == [one.trial_id for one in asked]
+    assert ["T01", "T11", "T21"] == [one.trial_id for one in view_trials]
     section = text.partition('id="walks"')[2].partition("</section")[0]
-    for one in asked:
+    for one in view_trials:
         assert f"views/{one.participant}_ses-001.html#trial={one.trial_id}" in section
 
 
@@ -155,7 +155,7 @@ def test_a_study_with_everybody_left_out_says_so():
 @pytest.fixture(scope="module")
 def of_three(tmp_path_factory):
     """Return the report on three people who took part, one of whose recordings is not whole, and
-    the walks whose pages it asked for; gaze was recorded.
+    the walks whose pages it view_trials for; gaze was recorded.
     """
     walked = walks(3)
     for walk in walked:
@@ -166,16 +166,16 @@ def of_three(tmp_path_factory):
     given[TIME_COURSE] = pd.concat(steps)
     broken = SessionSource("S00", "ses-001", "2026-01-01", "crashed", "0" * 64, "abc")
     provenance = replace(PROVENANCE, sessions=(broken,))
-    asked = []
+    view_trials = []
 
     def make_views(folder, trials):
-        asked.extend(trials)
+        view_trials.extend(trials)
         (folder / VIEWS).mkdir()
         for one in trials:
             (folder / VIEWS / view_name(one.participant, one.session)).touch()
 
     folder = tmp_path_factory.mktemp("three")
-    return write(given, folder, provenance, make_views=make_views), asked
+    return write(given, folder, provenance, make_views=make_views), view_trials
 
 
 def test_real_walks_are_not_marked_as_simulated(of_three):

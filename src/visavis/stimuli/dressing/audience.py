@@ -62,7 +62,7 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
     people: list[Person] = []
     chairs: dict[str, Chair] = {}
     for i, agent in enumerate(agents):
-        person, chair = _seated(i, agent.character, casting)
+        person, chair = _place_sitter(i, agent.character, casting)
         people.append(person)
         if chair is not None:
             chairs[agent.place] = chair
@@ -82,7 +82,7 @@ def _set_of(characters: tuple[str, ...], casting: Casting) -> _Set:
 
 
 @lru_cache(maxsize=1024)
-def _seated(row: int, name: str, casting: Casting) -> tuple[Person, Chair | None]:
+def _place_sitter(row: int, name: str, casting: Casting) -> tuple[Person, Chair | None]:
     """Return who sits at a place, and their chair; None of somebody who does not sit.
 
     Audiences of one study are the same people in other places: each is seated there once.
