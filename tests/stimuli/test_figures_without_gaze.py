@@ -164,6 +164,8 @@ BLINKS: dict[str, tuple[list[str], bool]] = {
     "VRM": (["Blink"], True),
     "VRoid": (["Face.M_F00_000_00_Fcl_EYE_Close"], True),
     "one eye": (["eyeBlinkLeft"], False),
+    "one eye in words": (["left_eye_close"], False),
+    "two eyes in words": (["left_eye_closed", "right_eye_closed"], True),
     "none": (["jawOpen"], False),
 }
 

@@ -155,6 +155,7 @@ def test_shapes_get_our_names(glb: Path) -> None:
         (["Fcl_EYE_Close", "Fcl_EYE_Close_L"], {"left_blink": 1.0, "lids_down": 0.45}),
         (["Fcl_EYE_Close_L", "eyeBlinkLeft"], {"left_blink": 1.0, "lids_down": 0.45}),
         (["LeyeClose"], {"left_blink": 1.0, "lids_down": 0.45}),
+        (["left_eye_close"], {"left_blink": 1.0}),
         (["browDownLeft", "mouthFrownLeft", "browInnerUp"], {"frown": 1.6}),
         (["mouthFrownLeft", "mouthFrownRight (empty)"], {"frown": 0.8}),
         # A frown of brows alone would leave out the mouth.

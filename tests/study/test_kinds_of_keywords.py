@@ -2,14 +2,38 @@
 
 import inspect
 import itertools
-from dataclasses import fields, is_dataclass
-from typing import Any, get_args
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any, get_args
 
 import numpy as np
 import pytest
 
 import visavis
-from visavis import Compare, Criterion, Factor, Keys, Rating, Scene, Slider, Study, Text
+from visavis import (
+    Careless,
+    Choice,
+    Compare,
+    Criterion,
+    Factor,
+    Keys,
+    Lens,
+    Measure,
+    Pairs,
+    Placed,
+    Printed,
+    Rating,
+    Scene,
+    Shape,
+    SideBySide,
+    Slider,
+    Study,
+    Text,
+    Tone,
+    Voice,
+)
 from visavis.analysis.statistics_report import TESTS
 from visavis.lab.errors import DesignError
 from visavis.lab.kinds import is_of_kind, words_of_kind
@@ -19,6 +43,20 @@ from visavis.study.declaration import PARTS
 from visavis.study.heard_trial import HeardTrial
 from visavis.study.scenes import Staging, stage
 from visavis.study.trial import TrialScript
+
+
+class Form(StrEnum):
+    """A choice of a lab's own."""
+
+    ROUND = "ellipse"
+
+
+@dataclass(frozen=True)
+class Longer(Rating):
+    """A user's own kind of rating."""
+
+    more: Annotated[int, "checked elsewhere"] | None = 3
+
 
 HINTS = {f.name: f.type for part in PARTS.values() for f in fields(part)}
 VALUES = ("x", 3, 1.5, None, True, [3], {"a": 3}, object())
@@ -101,6 +139,33 @@ FUNCTIONS = (
     "fixations_on gaze_on key_held looks_at motion_of never_next_to no_more_than pointer_at "
     "psychometric_measures staircase_measures transitions view_range"
 ).split()
+ACCEPTED: list[tuple[Callable[[], Any], Any]] = [
+    (lambda: Tone(440.0, ear=np.random.default_rng(1).choice(["left"])).ear, "left"),
+    (lambda: Shape(Form.ROUND).kind, "ellipse"),
+    (lambda: Text(3).text, "3"),
+    (lambda: Text(np.array("a")).text, "a"),
+    (lambda: Text("a", height_deg=np.where([True], 1.0, 2.0)[0]).height_deg, 1.0),
+    (lambda: Text("a", height_deg=np.where(True, 1.0, 2.0)).height_deg, 1.0),
+    (lambda: Text("a", at_deg=np.array([1, 2])).at_deg, (1.0, 2.0)),
+    (lambda: Text("a", at_deg=range(2)).at_deg, (0.0, 1.0)),
+    (lambda: Shape("ellipse", colour=np.array([255, 0, 0])).colour, (255, 0, 0)),
+    (lambda: SideBySide("s", 1, 4).right, 4),
+    (lambda: Choice("c", map(str, range(3))).options, ("0", "1", "2")),
+    (lambda: Choice("c", [1, 2]).options, ("1", "2")),
+    (lambda: Compare("z", within=(one for one in ("a", "b"))).within, ("a", "b")),
+    (lambda: Factor("f", range(3)).levels, (0, 1, 2)),
+    (lambda: Pairs("f", ["m"], "f", itertools.combinations("abc", 2)).levels[2], ("b", "c")),
+    (lambda: Careless("r", checks={"a"}).checks, {"a"}),
+    (lambda: Measure("c", "1", "w", areas=["a"]).areas, ["a"]),
+    (lambda: Lens(np.zeros(3), np.ones(3)).aim_m, (1.0, 1.0, 1.0)),
+    (lambda: Placed(np.zeros((1, 3))).places_m, ((0.0, 0.0, 0.0),)),
+    (lambda: Voice(Path("a.wav")).file, Path("a.wav")),
+    (lambda: Printed(is_significant=np.bool_(True)).is_significant, True),
+    (lambda: Rating("r", np.int64(1), 7).low, 1),
+    (lambda: Longer("r", more=None).more, None),
+    (lambda: visavis.never_next_to("f", itertools.permutations("ab", 2)) is not None, True),
+]
+"""What is of another type than its annotation, and yet leaves no doubt."""
 SEVERAL = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 OTHERWISE_MADE = (
     "Conclusion Live LiveFilm LiveScene MeasuredTrial Moulded Pair Pieces Scene Seen Staging Study "
@@ -109,11 +174,14 @@ OTHERWISE_MADE = (
 """What functions of the kit hand over or return, what has rules of its own, or needs files."""
 LENIENT = {
     *(("Choice", name) for name in ("options", "labels", "means", "keys")),
+    *(("SideBySide", name) for name in ("left", "right")),
     *(("Factor", name) for name in ("levels", "practice_only")),
     *(("QuestPlus", name) for name in ("slopes", "lapses")),
     ("Film", "scene"),
     ("Keys", "options"),
     ("Number", "unit"),
+    ("Slider", "unit"),
+    ("Text", "text"),
     ("show", "what"),
 }
 """They take more than they hold, or say in words of their own what they do not take."""
@@ -166,6 +234,9 @@ def test_it_says_what_the_keyword_takes(keyword: str, value: Any, says: str) -> 
         ({"published": 3}, r"published is 3; it takes Printed\(…\)"),
         ({"within": {"side": 1}}, "within is .*; it takes a text or a list of texts"),
         ({"only": None}, "only is None; it takes names with what belongs to each"),
+        ({"only": {"side": ("l", "r")}}, r"only holds \('l', 'r'\) for 'side'; it takes a text, "),
+        ({"where": ["a > 1", None]}, "where holds None; it takes a list of texts"),
+        ({"claim": ["x"] * 99}, r"claim is \[.{59}…; it takes a text"),
         ({"exploratory": "yes"}, "exploratory is 'yes'; it takes True or False"),
     ],
 )
@@ -195,6 +266,11 @@ def test_every_dataclass_that_a_study_file_makes_looks_at_kinds() -> None:
     assert {*PARTS_OF_A_FILE, *SMALLEST, *OTHERWISE_MADE} == dataclasses
 
 
+@pytest.mark.parametrize(("make", "expected"), ACCEPTED)
+def test_what_can_be_meant_but_one_way_is_accepted(make: Callable[[], Any], expected: Any) -> None:
+    assert expected == make()
+
+
 @pytest.mark.parametrize("name", STEPS)
 def test_a_step_of_a_trial_is_refused_before_anybody_comes(name: str) -> None:
     step, smallest = getattr(TrialScript, name), STEPS[name]
@@ -216,6 +292,11 @@ def test_every_step_of_a_trial_looks_at_kinds() -> None:
         if inspect.signature(getattr(TrialScript, name)).return_annotation is Action
         and len(inspect.signature(getattr(TrialScript, name)).parameters) > 1
     } == set(STEPS)
+
+
+def test_every_function_of_a_study_file_is_among_those_that_look_at_kinds() -> None:
+    everything = {name for name in visavis.__all__ if inspect.isfunction(getattr(visavis, name))}
+    assert {*FUNCTIONS, "derive", "neutral_answer"} == everything  # one takes any keyword
 
 
 @pytest.mark.parametrize("function", FUNCTIONS)

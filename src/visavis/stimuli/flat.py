@@ -116,7 +116,7 @@ def _require_place(what: str, at_deg: tuple[float, float]) -> tuple[float, float
 
 
 @dataclass(frozen=True)
-@of_kinds()
+@of_kinds(text=str | int | float | bool)
 class Text:
     """Words in one or more lines; `height_deg` is the height of a line's letters from the top of
     an h to the bottom of a g, `at_deg` their middle, right of and above what is straight ahead.
@@ -129,7 +129,7 @@ class Text:
 
     def __post_init__(self) -> None:
         _write_plain_numbers(self)
-        if self.text is None or not str(self.text).strip():
+        if not str(self.text).strip():
             raise DesignError("Text: there is nothing to read; give at least one letter")
         object.__setattr__(self, "text", str(self.text))
         _require_size(f"Text {self.text!r}", height_deg=self.height_deg)

@@ -7,6 +7,7 @@ shows its scene itself.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
@@ -149,7 +150,7 @@ def _check_view(fov_v_deg: float) -> None:
 
 
 @dataclass(frozen=True)
-@of_kinds()
+@of_kinds(file=str | Path)
 class Voice:
     """The sound of a film: a recording (WAV) beside the study, from `from_s` seconds on.
 

@@ -9,7 +9,7 @@ the trial's row.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -67,7 +67,7 @@ LIVE_COLUMNS: Final = (
 
 
 @dataclass(frozen=True)
-@of_kinds()
+@of_kinds(unit=Any)
 class Slider(Number):
     """A slider that moulds a live figure, from `low` to `high`, which stands at `start` first."""
 

@@ -213,7 +213,7 @@ class Choice(_OptionResponse):
 
 
 @dataclass(frozen=True)
-@of_kinds()
+@of_kinds(left=Scalar, right=Scalar)
 class SideBySide(_Response):
     """Which of two things shown side by side; `left` and `right` name what was shown there."""
 

@@ -446,7 +446,7 @@ class TrialScript(HeardTrial):
             "vibrate", lambda: self._vibrate(role, vibration, motors, amplitude_01), role=role
         )
 
-    @takes_kinds()
+    @takes_kinds(payload=Any)
     def mark(self, name: str, **payload: Scalar | None) -> Action:
         """Write an event into the recording at the current frame's time."""
         return Action("mark", lambda: self._mark(name, payload))

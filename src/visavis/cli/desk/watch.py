@@ -112,7 +112,7 @@ class SessionWatch:
             reader, writer = await asyncio.open_connection(
                 LOCAL, int(how["port"]), limit=MAX_LINE_BYTES
             )
-        except (ConnectionRefusedError, ValueError, KeyError, TypeError):
+        except (ConnectionRefusedError, ValueError, KeyError, TypeError, OverflowError):
             meeting.unlink(missing_ok=True)  # of a process that was killed
             return
         except OSError:

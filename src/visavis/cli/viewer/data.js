@@ -4,7 +4,7 @@
 const KINDS = {u1: Uint8Array, i1: Int8Array, u2: Uint16Array, i2: Int16Array, u4: Uint32Array,
   i4: Int32Array, f4: Float32Array, f8: Float64Array};
 const MISSING = 65535;
-const HELD = 3;
+const HELD = 3, MOMENTS = 5;
 
 class Content {
   constructor(buffer) {
@@ -76,27 +76,36 @@ class Content {
 
 // Files beside the page with pictures of long films: the last few that were asked for are held.
 class Pieces {
-  constructor(places) { this.places = places; this.held = new Map(); }
+  constructor(places) { this.places = places; this.held = new Map(); this.loads = new Map(); }
 
   // A promise of a file's content; of null where it is not beside the page.
   get(n) {
-    const content = this.held.get(n) || this.load(this.places[n]);
+    const content = this.held.get(n) || this.loads.get(n) || this.load(n);
     this.held.delete(n);
     this.held.set(n, content);
     for (const k of [...this.held.keys()].slice(0, -HELD)) this.held.delete(k);
     return content;
   }
 
-  load(place) {
-    return new Promise(done => {
+  // One that is no longer among those held may still be on its way.
+  load(n) {
+    const place = this.places[n], content = new Promise(done => {
       const script = document.createElement('script');
       script.onerror = () => done(null);
       script.onload = () => script.remove();
       Session.waiting.set(place, text => { Session.waiting.delete(place); unpacked(text).then(done, () => done(null)); });
       script.src = place;
       document.head.append(script);
-    });
+    }).finally(() => this.loads.delete(n));
+    this.loads.set(n, content);
+    return content;
   }
+}
+
+// Moments in words, the first of many: `secondsOf` each of the numbers.
+function momentsInWords(numbers, secondsOf) {
+  const sorted = [...numbers].sort((a, b) => a - b), first = sorted.slice(0, MOMENTS).map(n => `${secondsOf(n).toFixed(2)} s`);
+  return first.join(', ') + (sorted.length > MOMENTS ? ` and ${sorted.length - MOMENTS} more` : '');
 }
 
 async function unpacked(text) {

@@ -52,8 +52,8 @@ class MovingPicture {
 
   // Which pictures are missing, of those that were asked for; `rate` a second.
   notes(rate) {
-    const times = [...this.missing].sort((a, b) => a - b).map(one => `${(this.at.indexOf(one) / rate).toFixed(2)} s`);
-    return times.length ? [`${this.name || 'what moves'}: no picture at ${times.join(', ')} after its onset (the page, or a file beside it, is damaged or gone); the one before it stays`] : [];
+    const times = momentsInWords(this.missing, one => this.at.indexOf(one) / rate);
+    return times ? [`${this.name || 'what moves'}: no picture at ${times} after its onset (the page, or a file beside it, is damaged or gone); the one before it stays`] : [];
   }
 }
 

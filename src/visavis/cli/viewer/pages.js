@@ -24,7 +24,9 @@ class Pages {
       film.pictures.set(k, null);
       this.drawing.wait(this.content.picture(film.frames[k]).then(image => {
         if (!image) film.missing.add(k);
-        if (image && film.pictures.has(k)) film.pictures.set(k, image); else { image?.close(); film.pictures.delete(k); }
+        if (!image || !film.pictures.has(k)) { image?.close(); film.pictures.delete(k); return; }
+        film.pictures.get(k)?.close(); // asked for twice
+        film.pictures.set(k, image);
       }));
     }
     for (let n = k; n >= k - AHEAD; n--) if (film.pictures.get(n)) return film.pictures.get(n);
@@ -34,7 +36,7 @@ class Pages {
   // Which pictures of a step's films are missing, of those that were asked for.
   notesAt(step) {
     return step.films.map(n => this.films[n]).filter(film => film.missing.size).map(film =>
-      `no picture of the film at ${[...film.missing].sort((a, b) => a - b).map(k => `${(k / film.rate).toFixed(2)} s`).join(', ')} (the page, or a file beside it, is damaged or gone); the one before it stays`);
+      `no picture of the film at ${momentsInWords(film.missing, k => k / film.rate)} (the page, or a file beside it, is damaged or gone); the one before it stays`);
   }
 
   draw(g, step, t, width, height) {

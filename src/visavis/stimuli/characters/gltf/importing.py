@@ -57,7 +57,7 @@ MIN_MOVE_M: Final = 2e-5
 
 _FROWNING, _BROWS_DOWN = r"mouth_?frown", r"brow_?down_?(l|r|left|right)?$"
 """Brows alone make no frown: without shapes of the mouth, the smile the other way round does."""
-_BOTH_CLOSE = r"^blink$|fcl_eye_close$|(?<![a-z])(?<![lr]_)eyes?_?(blink|closed?)$"
+_BOTH_CLOSE = r"^blink$|fcl_eye_close$|(?<![a-z])(?<![lrt]_)eyes?_?(blink|closed?)$"
 """A shape of both lids in one, half of it on either side: both blink together."""
 _SHAPES: Final[Mapping[str, tuple[tuple[str, float], ...]]] = {
     "left_blink": (
@@ -65,14 +65,14 @@ _SHAPES: Final[Mapping[str, tuple[tuple[str, float], ...]]] = {
             r"(?<![a-z])l_?eye_?close|eyeblink_?l(eft)?$|blink_?l(eft)?$|left.?(eye.?)?blink",
             1.0,
         ),
-        (r"eye_close_l$", 1.0),
+        (r"eye_close_l$|left.?eye.?close", 1.0),
     ),
     "right_blink": (
         (
             r"(?<![a-z])r_?eye_?close|eyeblink_?r(ight)?$|blink_?r(ight)?$|right.?(eye.?)?blink",
             1.0,
         ),
-        (r"eye_close_r$", 1.0),
+        (r"eye_close_r$|right.?eye.?close", 1.0),
     ),
     "lids_up": ((r"^lids_up$", 1.0), (r"eyelookup", 1.0), (r"[lr]_?eye_?open", 0.5)),
     "lids_down": (
