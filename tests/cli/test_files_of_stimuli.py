@@ -10,6 +10,7 @@ import pytest
 from PIL import Image as Picture
 from typer.testing import CliRunner
 
+from benchmarks.film_in_step import write_film
 from tests.cli.viewer_tab import header_of
 from tests.faults.sessions import CONFIG
 from visavis.cli.main import app
@@ -30,6 +31,16 @@ study = Study("here", factors=[Factor("side", ["left"])], repetitions=1, calibra
 def trial(t):
     yield t.play("voice.wav", wait="no")
     yield t.show(Image("a.png", 12, areas="a.yaml"), 0.5)
+"""
+FILM_STUDY = """
+from visavis import Factor, Study, Video
+
+study = Study("heard", factors=[Factor("side", ["left"])], repetitions=1, calibrate=False)
+
+
+@study.trial
+def trial(t):
+    yield t.show(Video("f.mp4", 9))
 """
 PAGE_STUDY = """
 from visavis import Factor, Image, Keys, Study, pointer_at
@@ -164,6 +175,22 @@ def test_sessions_whose_picture_is_gone_are_measured_and_it_is_named(
         tables.append({p.name: p.read_bytes() for p in (tmp_path / name).glob("*.csv")})
     assert {"trials.csv", "participants.csv", "cell_means.csv"} == set(tables[0])
     assert tables[0] == tables[1]
+
+
+@pytest.mark.slow
+def test_sessions_whose_film_was_heard_and_is_gone_keep_when_it_was_heard(tmp_path: Path) -> None:
+    (tmp_path / "heard.py").write_text(FILM_STUDY, "utf-8")
+    write_film(tmp_path / "f.mp4", 30, is_heard=True)
+    sessions, tables = str(tmp_path / "out/simulated/heard"), []
+    simulate = ("simulate", str(tmp_path / "heard.py"), "--processes", "1", "--participants", "1")
+    visavis(*simulate, "--output", str(tmp_path / "out"))
+    for name in ("there", "gone"):
+        if name == "gone":
+            (tmp_path / "f.mp4").unlink()
+        visavis("analyse", sessions, "--processes", "1", "--output", str(tmp_path / name))
+        tables.append((tmp_path / name / "trials.csv").read_bytes())
+    assert tables[0] == tables[1]
+    assert b"stimulus_sound_on_ns" in tables[0]
 
 
 @pytest.mark.slow

@@ -205,22 +205,24 @@ def _is_several(value: Any, hint: Any) -> bool:
     return _is_list(value)
 
 
-def _wrong_elements(value: Any, hint: Any) -> Iterator[str]:
-    """Yield, in words, what a value of several holds that is of another kind."""
+def _wrong_elements(value: Any, hint: Any) -> Iterator[tuple[str, str]]:
+    """Yield, in words, what a value of several holds that is of another kind, and what its place
+    takes; nothing where the whole says it.
+    """
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is abc.Mapping:
         for key, one in value.items():
             if not is_of_kind(key, arguments[0]):
-                yield f"the name {_shortened(key)}; a name is {words_of_kind(arguments[0])}"
+                yield f"the name {_shortened(key)}", f"{words_of_kind(arguments[0])} as a name"
             elif not is_of_kind(one, arguments[1]):
-                words = words_of_kind(arguments[1])
-                yield f"{_shortened(one)} for {_shortened(key)}; it takes {words} for each name"
+                takes = f"{words_of_kind(arguments[1])} for each name"
+                yield f"{_shortened(one)} for {_shortened(key)}", takes
         return
     is_fixed = origin is tuple and arguments[-1] is not Ellipsis
     hints = arguments if is_fixed else arguments[:1] * len(value)
     for one, of_one in zip(value, hints, strict=True):
         if not is_of_kind(one, of_one):
-            yield f"{_shortened(one)}; it takes {words_of_kind(hint)}"
+            yield _shortened(one), ""
 
 
 def wrong_kind(name: str, value: object, hint: Any) -> str:
@@ -235,7 +237,8 @@ def wrong_kind(name: str, value: object, hint: Any) -> str:
     several = [one for one in _choices(hint) if get_origin(one) in kinds_of_several]
     near_hints = [one for one in several if _is_several(value, one)]
     if len(near_hints) == 1:
-        return f"{name} holds {next(_wrong_elements(value, near_hints[0]))}"
+        wrong, takes = next(_wrong_elements(value, near_hints[0]))
+        return f"{name} holds {wrong}; it takes {takes or words_of_kind(hint)}"
     words = words_of_kind(hint)
     plainly = ", without quotes" if isinstance(value, str) and "number" in words else ""
     return f"{name} is {_shortened(value)}; it takes {words}{plainly}"

@@ -21,7 +21,7 @@ def write_views(folder: Path, out_dir: Path, striking: Sequence[TrialToSee]) -> 
     """Write one page for every session of a study's `folder` with trials to look at.
 
     Trials that never began have nothing to show; a page made before is replaced. Of a session whose
-    pictures are gone there is none, and it is said which is missing.
+    pictures are gone none is made, one made before stays, and it is said which is missing.
     """
     of_session = groupby(sorted(striking, key=_session), key=_session)
     trials_by_session = {key: tuple(one.trial_id for one in trials) for key, trials in of_session}
