@@ -162,7 +162,7 @@ def plain_value(value: object, hint: Any) -> object:
     """Return a value as an annotation has it: what can be read but once, and arrays of numpy, as
     tuples where a list is taken, an array of one number as that number; any other as it is.
     """
-    if isinstance(value, np.ndarray) and np.ndarray not in map(get_origin, _choices(hint)):
+    if isinstance(value, np.ndarray) and np.ndarray not in [get_origin(h) for h in _choices(hint)]:
         if value.ndim == 0:
             return value.item()
         return _as_tuples(value.tolist()) if _takes_list(hint) else value
