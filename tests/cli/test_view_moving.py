@@ -244,7 +244,7 @@ HOURS = """async () => {
         pages = new Pages(content, viewer.drawing);
     for (let k = 3; k < 12; k++) frames[k] = {d: 'u1', s: [8], o: 0}; // no pictures
     let most = 0, shown = 0;
-    for (let s = 0; s < 7200; s += s % 600 < 5 ? 1 / 12 : 5) {
+    for (let s = 1 / 24; s < 7200; s += s % 600 < 5 ? 1 / 12 : 5) {
         pages.picture(pages.films[0], s);
         await Promise.all(viewer.drawing.waiting);
         shown += Boolean(pages.picture(pages.films[0], s));
