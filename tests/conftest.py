@@ -93,14 +93,20 @@ def server_of_commands() -> Iterator[None]:
 @pytest.fixture
 def nobody_cast(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Nobody has been cast in this process yet."""
-    from visavis.stimuli.dressing import casting
+    from visavis.stimuli.dressing import audience, casting, gathering
 
     monkeypatch.setattr(casting, "_in_force", casting._InForce())
-    casting.default_casting.cache_clear()
-    casting._person.cache_clear()
+    functions = [
+        function
+        for module in (audience, casting, gathering)
+        for function in vars(module).values()
+        if hasattr(function, "cache_clear") and function.__module__ == module.__name__
+    ]
+    for function in functions:
+        function.cache_clear()
     yield
-    casting.default_casting.cache_clear()
-    casting._person.cache_clear()
+    for function in functions:  # a process has one cast, so that they ask for names alone
+        function.cache_clear()
 
 
 @pytest.fixture(scope="module")

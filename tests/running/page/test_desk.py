@@ -365,5 +365,5 @@ def test_a_lab_s_own_voice_comes_first_and_a_language_without_one_is_told(tmp_pa
 
 def test_a_study_says_what_is_measured_of_a_screen() -> None:
     other: Any = ("ruler",)
-    with pytest.raises(DesignError, match=r"screening is .*'ruler'.*a list of 'card' or 'sound'"):
+    with pytest.raises(DesignError, match=r"screening holds 'ruler'.*a list of 'card' or 'sound'"):
         study().study.with_changes(screening=other)
