@@ -143,18 +143,26 @@ def test_maps_of_gaze_say_which_picture_under_them_is_another_one_now(
     assert PICTURE_CHANGED in output
 
 
+def tables_with_and_without(file: Path, study: Path, folder: Path, words: str) -> list[Path]:
+    """Analyse a study with a file and once it is gone, which `words` then say; return the folders
+    of tables.
+    """
+    for name in ("there", "gone"):
+        if name == "gone":
+            file.unlink()
+        output = visavis("analyse", str(study), "--processes", "1", "--output", str(folder / name))
+        assert (name == "gone") == (words in output)
+    return [folder / "there", folder / "gone"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("study", ["here", "paged"])
 def test_sessions_whose_areas_are_gone_from_beside_the_study_are_measured_by_their_own(
     folder: Path, tmp_path: Path, study: str
 ) -> None:
-    sessions, tables = str(folder / "out/simulated" / study), []
-    for name in ("there", "gone"):
-        if name == "gone":
-            (folder / "a.yaml").unlink()
-        output = visavis("analyse", sessions, "--processes", "1", "--output", str(tmp_path / name))
-        assert (name == "gone") == (AREAS_GONE in output)
-        tables.append(pd.read_csv(tmp_path / name / "trials.csv"))
+    sessions = folder / "out/simulated" / study
+    folders = tables_with_and_without(folder / "a.yaml", sessions, tmp_path, AREAS_GONE)
+    tables = [pd.read_csv(one / "trials.csv") for one in folders]
     pd.testing.assert_frame_equal(*tables)
     measures = [name for name in tables[0] if name.startswith("door_")]
     assert measures
@@ -166,13 +174,9 @@ def test_sessions_whose_areas_are_gone_from_beside_the_study_are_measured_by_the
 def test_sessions_whose_picture_is_gone_are_measured_and_it_is_named(
     folder: Path, tmp_path: Path, study: str
 ) -> None:
-    sessions, tables = str(folder / "out/simulated" / study), []
-    for name in ("there", "gone"):
-        if name == "gone":
-            (folder / "a.png").unlink()
-        output = visavis("analyse", sessions, "--processes", "1", "--output", str(tmp_path / name))
-        assert (name == "gone") == ("a.png is gone" in output)
-        tables.append({p.name: p.read_bytes() for p in (tmp_path / name).glob("*.csv")})
+    sessions = folder / "out/simulated" / study
+    folders = tables_with_and_without(folder / "a.png", sessions, tmp_path, "a.png is gone")
+    tables = [{p.name: p.read_bytes() for p in one.glob("*.csv")} for one in folders]
     assert {"trials.csv", "participants.csv", "cell_means.csv"} == set(tables[0])
     assert tables[0] == tables[1]
 
@@ -180,15 +184,12 @@ def test_sessions_whose_picture_is_gone_are_measured_and_it_is_named(
 @pytest.mark.slow
 def test_sessions_whose_film_was_heard_and_is_gone_keep_when_it_was_heard(tmp_path: Path) -> None:
     (tmp_path / "heard.py").write_text(FILM_STUDY, "utf-8")
-    write_film(tmp_path / "f.mp4", 30, is_heard=True)
-    sessions, tables = str(tmp_path / "out/simulated/heard"), []
+    film = write_film(tmp_path / "f.mp4", 30, is_heard=True)
     simulate = ("simulate", str(tmp_path / "heard.py"), "--processes", "1", "--participants", "1")
     visavis(*simulate, "--output", str(tmp_path / "out"))
-    for name in ("there", "gone"):
-        if name == "gone":
-            (tmp_path / "f.mp4").unlink()
-        visavis("analyse", sessions, "--processes", "1", "--output", str(tmp_path / name))
-        tables.append((tmp_path / name / "trials.csv").read_bytes())
+    sessions = tmp_path / "out/simulated/heard"
+    folders = tables_with_and_without(film, sessions, tmp_path, "f.mp4 is gone")
+    tables = [(one / "trials.csv").read_bytes() for one in folders]
     assert tables[0] == tables[1]
     assert b"stimulus_sound_on_ns" in tables[0]
 

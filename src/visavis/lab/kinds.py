@@ -213,16 +213,16 @@ def _wrong_elements(value: Any, hint: Any) -> Iterator[tuple[str, str]]:
     if origin is abc.Mapping:
         for key, one in value.items():
             if not is_of_kind(key, arguments[0]):
-                yield f"the name {_shortened(key)}", f"{words_of_kind(arguments[0])} as a name"
+                yield f"the name {_short_repr(key)}", f"{words_of_kind(arguments[0])} as a name"
             elif not is_of_kind(one, arguments[1]):
                 takes = f"{words_of_kind(arguments[1])} for each name"
-                yield f"{_shortened(one)} for {_shortened(key)}", takes
+                yield f"{_short_repr(one)} for {_short_repr(key)}", takes
         return
     is_fixed = origin is tuple and arguments[-1] is not Ellipsis
     hints = arguments if is_fixed else arguments[:1] * len(value)
     for one, of_one in zip(value, hints, strict=True):
         if not is_of_kind(one, of_one):
-            yield _shortened(one), ""
+            yield _short_repr(one), ""
 
 
 def wrong_kind(name: str, value: object, hint: Any) -> str:
@@ -232,7 +232,7 @@ def wrong_kind(name: str, value: object, hint: Any) -> str:
     texts = [c for one in _choices(hint) if get_origin(one) is Literal for c in get_args(one)]
     near = did_you_mean(value, texts) if texts else ""
     if "did you mean" in near:
-        return f"{name} is {_shortened(value)}{near}"
+        return f"{name} is {_short_repr(value)}{near}"
     kinds_of_several = (abc.Mapping, *LISTS, tuple)
     several = [one for one in _choices(hint) if get_origin(one) in kinds_of_several]
     near_hints = [one for one in several if _is_several(value, one)]
@@ -241,10 +241,10 @@ def wrong_kind(name: str, value: object, hint: Any) -> str:
         return f"{name} holds {wrong}; it takes {takes or words_of_kind(hint)}"
     words = words_of_kind(hint)
     plainly = ", without quotes" if isinstance(value, str) and "number" in words else ""
-    return f"{name} is {_shortened(value)}; it takes {words}{plainly}"
+    return f"{name} is {_short_repr(value)}; it takes {words}{plainly}"
 
 
-def _shortened(value: object) -> str:
+def _short_repr(value: object) -> str:
     """Return a value as Python writes it, in one line and not too long."""
     text = " ".join(repr(value).split())
     return text if len(text) <= MAX_VALUE_CHARS else f"{text[:MAX_VALUE_CHARS]}…"

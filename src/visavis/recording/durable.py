@@ -135,12 +135,7 @@ def replace_file(path: Path, data: bytes) -> None:
     """Put `data` at `path` atomically: a reader sees the old or the new file, never a mixture."""
     temporary = path.with_name(path.name + ".new")
     try:
-        fd = open_private(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-        try:
-            _write_all(fd, memoryview(data))
-            os.fsync(fd)
-        finally:
-            os.close(fd)
+        _write_durably(open_private(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), data)
         os.replace(temporary, path)
         sync_folder(path.parent)
     except OSError as error:
@@ -153,11 +148,7 @@ def replace_secret(path: Path, data: bytes) -> None:
     temporary.unlink(missing_ok=True)
     fd = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, PRIVATE.file)
     try:
-        try:
-            _write_all(fd, memoryview(data))
-            os.fsync(fd)
-        finally:
-            os.close(fd)
+        _write_durably(fd, data)
         os.replace(temporary, path)
     except OSError:
         temporary.unlink(missing_ok=True)  # it may hold half of the secret
@@ -166,7 +157,11 @@ def replace_secret(path: Path, data: bytes) -> None:
 
 def add_to_file(path: Path, data: bytes) -> None:
     """Add to the end of a file and wait for the disk; raises OSError, maybe with a part added."""
-    fd = open_private(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    _write_durably(open_private(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND), data)
+
+
+def _write_durably(fd: int, data: bytes) -> None:
+    """Write into an open file, wait for the disk, and close it; raises OSError."""
     try:
         _write_all(fd, memoryview(data))
         os.fsync(fd)
