@@ -33,20 +33,7 @@ from visavis.stimuli.gaze.blinks import draw_blinks
 from visavis.stimuli.gaze_window import GazeWindow, WindowPlace
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.faces import Face, shape_lacking
-from visavis.stimuli.motion.kinds import (
-    Crouch,
-    Idle,
-    Kind,
-    Phone,
-    Recorded,
-    Sit,
-    Talk,
-    Text,
-    Walk,
-    WatchBoard,
-    Wave,
-)
-from visavis.stimuli.motion.motion_file import MOTION_SUFFIXES, read_motion
+from visavis.stimuli.motion.kinds import Sit
 from visavis.stimuli.moving_heads import MovingHeads, moving_heads
 from visavis.stimuli.own_room import PlacedRoom, Room
 from visavis.stimuli.room_shape import areas_of_room
@@ -64,6 +51,7 @@ from visavis.stimuli.view_turns import ViewTurns
 from visavis.study.arguments import argument_names, unknown_argument
 from visavis.study.eyes import EYES, NO_GAZE, check_eyes, past_m
 from visavis.study.gaze_window import WindowCourse
+from visavis.study.named_motions import motion_of, motion_options
 
 FOLLOW_STEP_M: Final = 0.005
 """Eyes that look at the participant follow the head in steps of this size: 0.2° at 1.4 m."""
@@ -90,18 +78,6 @@ AUDIENCE: Final = (
     *(f"female_{i:02d}" for i in range(1, 7)),
     *(f"male_{i:02d}" for i in range(1, 6)),
 )
-MOTIONS: Final[Mapping[str, type[Kind]]] = {
-    "idle": Idle,
-    "wave": Wave,
-    "talk": Talk,
-    "phone": Phone,
-    "text": Text,
-    "crouch": Crouch,
-    "walk": Walk,
-    "sit": Sit,
-    "watch": WatchBoard,
-}
-"""Motions of a person by name; any other text is the path of a clip (.npz or .bvh)."""
 
 
 @dataclass(frozen=True, init=False)
@@ -383,7 +359,7 @@ def person(
         how = {**how, "distance_m": _way_m(distance_m, turn_deg, stop_m)}
     elif stop_m is not None:
         raise DesignError(f"scene person: {motion} does not come nearer; stop_m is for walk")
-    does = _does(motion, how, staging.folder, character)
+    does = motion_of(motion, how, staging.folder, character)
     one = Standing(character, "person", x, z, 180.0 - bearing_deg + turn_deg, does, 7)
     return scene_of_people(staging, f"person_{motion}", (one,), "person", eyes)
 
@@ -723,8 +699,7 @@ def _option_names(name: str, maker: Maker, options: Mapping[str, Any]) -> tuple[
         return option_names
     if maker is not person:
         return None
-    does = MOTIONS.get(str(options.get("motion", "idle")))
-    of_motion = argument_names(read_motion)[2:] if does is None else argument_names(does)
+    of_motion = motion_options(str(options.get("motion", "idle")))
     return tuple(dict.fromkeys((*option_names, *of_motion)))
 
 
@@ -783,21 +758,6 @@ def _beside(staging: Staging, sides: Mapping[str, StagedScene]) -> StagedScene:
 def places(scene: StageScene) -> dict[str, int]:
     """Return each person's index by place."""
     return {agent.place: i for i, agent in enumerate(scene.agents)}
-
-
-def _does(motion: str, how: Mapping[str, Any], folder: Path, character: str) -> Kind:
-    if motion in MOTIONS:
-        try:
-            return MOTIONS[motion](**how)
-        except TypeError as error:
-            raise DesignError(f"motion {motion}: {error}") from error
-    path = folder / motion
-    if path.suffix.lower() not in MOTION_SUFFIXES:
-        raise DesignError(
-            f"there is no motion {motion!r}{did_you_mean(motion, MOTIONS)}; the path of a clip "
-            "(.npz, .bvh) will do, too"
-        )
-    return Recorded(read_motion(path, default_casting(character).skeleton, **how))
 
 
 def _one_of(scene: str, option: str, value: str, values: tuple[str, ...]) -> None:

@@ -31,19 +31,15 @@ from visavis.protocol.plan.steps import (
     Show,
     Step,
 )
-from visavis.stimuli.area_paths import is_gone, with_areas_there
-from visavis.stimuli.audible import Sound
-from visavis.stimuli.film_file import facts_of
+from visavis.stimuli.area_paths import with_areas_there
 from visavis.stimuli.flat import (
     MAX_SEED,
     Colour,
     Dots,
     Flat,
-    Panorama,
     Text,
     Video,
     films_among,
-    picture_path,
 )
 from visavis.stimuli.gaze_window import GAZE_WINDOW
 from visavis.stimuli.own_room import Room
@@ -266,7 +262,7 @@ class TrialScript(HeardTrial):
         follows_gaze = window is not None and reveal != "pointer"
         if is_flat:
             own = films_among((panorama, *flats))
-            sounds += tuple(of for film in own for of in self._sound_of(film))
+            sounds += tuple(of for film in own for of in self.settings.film_sounds(film))
             options: dict[str, Any] = {"background": background}
             options["answered_by"] = keys.name if keys else ""
             options |= {"names": names} if names else {}
@@ -275,7 +271,7 @@ class TrialScript(HeardTrial):
             options |= {GAZE_WINDOW: window} if follows_gaze else {}
             scene = Scene(FLAT, items=flats, **options)
             if (sounds or own) and seconds is None and frames is None and until is None:
-                lengths_s = [self._seconds_of(film) for film in own]
+                lengths_s = map(self.settings.film_seconds, own)
                 seconds = max([*lengths_s, *map(self.settings.seconds_of, sounds)])
         elif isinstance(what, Scene | Room):
             scene = what if isinstance(what, Scene) else Scene(ROOM, room=what)
@@ -313,19 +309,6 @@ class TrialScript(HeardTrial):
             gaze_on=until if isinstance(until, GazeOn) else None,
             sounds=sounds,
         )
-
-    def _seconds_of(self, film: Video | Panorama) -> float:
-        """Return how long a film lasts; of a recording 0 if its file is gone, as of sounds."""
-        folder, may_lack = self.settings.folder, self.settings.files_gone is not None
-        return 0.0 if may_lack and is_gone(film, folder) else facts_of(film, folder).seconds
-
-    def _sound_of(self, film: Video | Panorama) -> tuple[Sound, ...]:
-        """Return what is heard with a film; nothing of a silent one, or where its file is not."""
-        folder = self.settings.folder
-        is_there = picture_path(film, folder).is_file()
-        if not film.is_heard or not is_there or not facts_of(film, folder).has_sound:
-            return ()
-        return (Sound(film.file, film.level_db),)
 
     def _with_seed(self, flat: Flat) -> Flat:
         """Return a stimulus; dots without a seed get one of the trial."""

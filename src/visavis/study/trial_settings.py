@@ -7,7 +7,10 @@ from typing import Any
 
 from visavis.lab.errors import DataError, DesignError
 from visavis.protocol.session.boards import Ways
-from visavis.stimuli.audible import Audible, Tone, at_ear, gain_db_of, tone_waveform
+from visavis.stimuli.area_paths import is_gone
+from visavis.stimuli.audible import Audible, Sound, Tone, at_ear, gain_db_of, tone_waveform
+from visavis.stimuli.film_file import facts_of
+from visavis.stimuli.flat import Panorama, Video
 from visavis.stimuli.sound import Waveform, read_sound
 from visavis.study.actions import Source
 from visavis.study.background import BackgroundExecutor
@@ -74,6 +77,18 @@ class Settings:
             return self.sound_of(source).duration_s
         except DesignError:
             return 0.0
+
+    def film_seconds(self, film: Video | Panorama) -> float:
+        """Return how long a film lasts; of a recording 0 if its file is gone, as of sounds."""
+        if self.files_gone is not None and is_gone(film, self.folder):
+            return 0.0
+        return facts_of(film, self.folder).seconds
+
+    def film_sounds(self, film: Video | Panorama) -> tuple[Sound, ...]:
+        """Return what is heard with a film; nothing of a silent one, or where its file is not."""
+        if not film.is_heard or is_gone(film, self.folder):
+            return ()
+        return (Sound(film.file, film.level_db),) if facts_of(film, self.folder).has_sound else ()
 
     def _read(self, source: Path | Audible) -> Waveform:
         if isinstance(source, Path):

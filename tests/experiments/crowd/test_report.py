@@ -25,9 +25,9 @@ def written(folder, walked=None, provenance=PROVENANCE):
     return write(tables(walks(6) if walked is None else walked), folder, provenance)
 
 
-def write(given, folder, provenance=PROVENANCE, make_views=None):
+def write(study_tables, folder, provenance=PROVENANCE, make_views=None):
     """Write the analysis of a study's tables and return its report."""
-    analysis = analysed(given, n_permutations=19, n_splits=5)
+    analysis = analysed(study_tables, n_permutations=19, n_splits=5)
     groups = {"group": list(analysis.levels["group"])} if "group" in analysis.levels else {}
     experiment = OPENED.experiment(groups)
     return write_study(analysis, experiment, [], provenance, folder, make_views=make_views)
@@ -160,10 +160,10 @@ def of_three(tmp_path_factory):
     walked = walks(3)
     for walk in walked:
         walk.row["is_simulated"] = False
-    given = tables(walked)
+    study_tables = tables(walked)
     key = ["participant", "session", "trial_id", "attempt", "condition"]
-    steps = [given["trials"][key].assign(t_ms=t, on_agent_01=0.25) for t in (125.0, 375.0)]
-    given[TIME_COURSE] = pd.concat(steps)
+    steps = [study_tables["trials"][key].assign(t_ms=t, on_agent_01=0.25) for t in (125.0, 375.0)]
+    study_tables[TIME_COURSE] = pd.concat(steps)
     broken = SessionSource("S00", "ses-001", "2026-01-01", "crashed", "0" * 64, "abc")
     provenance = replace(PROVENANCE, sessions=(broken,))
     view_trials = []
@@ -175,7 +175,7 @@ def of_three(tmp_path_factory):
             (folder / VIEWS / view_name(one.participant, one.session)).touch()
 
     folder = tmp_path_factory.mktemp("three")
-    return write(given, folder, provenance, make_views=make_views), view_trials
+    return write(study_tables, folder, provenance, make_views=make_views), view_trials
 
 
 def test_real_walks_are_not_marked_as_simulated(of_three):
