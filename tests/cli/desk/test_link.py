@@ -220,8 +220,8 @@ def test_a_session_is_found_once_the_computer_has_files_to_spare_again(
     assert [] == failures
 
 
-def test_a_session_without_a_file_to_be_found_by_goes_on_and_leaves_no_socket(
-    cache: Path, tmp_path: Path
+def test_a_session_without_a_file_to_be_found_by_goes_on_says_why_and_leaves_no_socket(
+    cache: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cache.mkdir()
     (cache / "visavis").write_text("a file in the place of the folder")
@@ -232,6 +232,9 @@ def test_a_session_without_a_file_to_be_found_by_goes_on_and_leaves_no_socket(
             link.show(STATUS)
         del link
         gc.collect()
+    output = " ".join(capsys.readouterr().out.split())
+    assert "no desk can find this session" in output
+    assert "it goes on at this terminal" in output
     assert [] == [warning for warning in all_warnings if warning.category is ResourceWarning]
 
 

@@ -20,6 +20,7 @@ import platformdirs
 
 from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
 from visavis.cli.desk.scene_view import LastGaze, above, from_head, jpeg_of
+from visavis.cli.notifier import NOTIFIER
 from visavis.cli.operator_screen import losses_of, needs_look
 from visavis.devices.contracts import Health
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
@@ -74,7 +75,7 @@ class SessionLink:
 
     It follows `visavis.protocol.session.operator.Operator`. In the frame loop it only keeps the
     newest status; a thread of its own sends it to the desk. Where nothing can listen, the session
-    goes on without a desk.
+    goes on without a desk, and the terminal says why.
     """
 
     def __init__(self, operator: Operator, about: About, data_root: Path) -> None:
@@ -93,6 +94,7 @@ class SessionLink:
         self._over: asyncio.Event | None = None
         self._listens = threading.Event()
         self._meeting: Path | None = None
+        self._problem: OSError | None = None
         self._desks: dict[asyncio.Task[Any], asyncio.StreamWriter] = {}
         self._thread = threading.Thread(target=self._listen, name="desk", daemon=True)
 
@@ -105,6 +107,11 @@ class SessionLink:
         jpeg_of(np.zeros((1, 1, 3), np.uint8))  # what writes them is loaded now, not in a trial
         self._thread.start()
         self._listens.wait(PATIENCE_S)
+        if self._problem is not None:
+            NOTIFIER.warn(
+                f"no desk can find this session ({self._problem}); it goes on at this terminal. "
+                f"For a desk, see that {meeting_folder()} can be written, and resume the session"
+            )
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -145,8 +152,10 @@ class SessionLink:
     # ---- outside the frame loop --------------------------------------------------------------
 
     def _listen(self) -> None:
-        with contextlib.suppress(OSError):  # then there is no desk
+        try:
             asyncio.run(self._serve())
+        except OSError as problem:  # then there is no desk
+            self._problem = problem
         self._listens.set()
 
     async def _serve(self) -> None:
