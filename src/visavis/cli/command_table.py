@@ -5,7 +5,6 @@ modules.
 """
 
 import difflib
-import importlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NamedTuple
@@ -13,6 +12,8 @@ from typing import Any, NamedTuple
 import typer
 import typer.main
 from typer.core import TyperCommand, TyperGroup
+
+from visavis.lab.garbage import import_to_stay
 
 
 class Entry(NamedTuple):
@@ -187,7 +188,7 @@ class LazyGroup(TyperGroup):
 
 def load_command(name: str) -> Any:
     """Import the module of a command and return the command it registers."""
-    module = importlib.import_module(f"visavis.cli.commands.{COMMANDS[name].module}")
+    module = import_to_stay(f"visavis.cli.commands.{COMMANDS[name].module}")
     # Every module registers its command at the one application when it is imported.
     command_group: Any = typer.main.get_group(module.app)
     _name_arguments(command_group.commands[name])

@@ -6,10 +6,13 @@ in modules, so they leave the main module alone.
 """
 
 import pickle
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
+
+from visavis.lab.garbage import import_to_stay
 
 
 def needs_main(*things: Any) -> bool:
@@ -32,3 +35,13 @@ def main_unseen(is_unseen: bool = True) -> Iterator[None]:
         yield
     finally:
         vars(main).update(before)
+
+
+def begin_worker(module: str) -> None:
+    """Begin a process that does what a module's function is sent: import the module first.
+
+    Ctrl-C reaches a terminal's whole group; it ends work by way of the parent alone.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if module != "__main__":  # which is another module here
+        import_to_stay(module)

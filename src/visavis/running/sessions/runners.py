@@ -13,7 +13,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, TypeAlias, TypeVar
 
 from visavis.lab.errors import UsageError
-from visavis.lab.processes import main_unseen, needs_main
+from visavis.lab.processes import begin_worker, main_unseen, needs_main
 from visavis.recording.provenance import provenance
 
 Job = TypeVar("Job")
@@ -56,7 +56,8 @@ def on_this_machine(
         with ProcessPoolExecutor(
             min(processes, len(jobs)),
             mp_context=multiprocessing.get_context("spawn"),
-            initializer=_leave_signals_to_parent,
+            initializer=begin_worker,
+            initargs=(work.__module__,),
         ) as pool:
             try:
                 with main_unseen(not needs_main(work, jobs[0])):
@@ -95,11 +96,6 @@ def _why_no_process() -> str:
     except (ImportError, OSError) as error:  # no semaphores, as in some containers
         return f"this machine lets no process share anything ({error})"
     return ""
-
-
-def _leave_signals_to_parent() -> None:
-    """Let Ctrl-C, which reaches a terminal's whole group, end work by way of the parent alone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def on_scheduler(
