@@ -5,7 +5,7 @@ python -m benchmarks.damage [--changes 10000] [--analysed 500] [--json] [--seed 
 Two people of a short waving study are simulated and analysed. Every change hits one file of the
 study's folder, drawn anew: a flipped bit, a cut, bytes overwritten with zeros, two blocks of the
 file exchanged, its content exchanged with that of another file of its kind, or the file removed.
-After each, settings, ledger, register, derived files and the sessions that were touched are
+After each, settings, ledger, lists, register, derived files and the sessions that were touched are
 verified as `visavis check STUDY` does, and the folder is put back.
 
 `unnamed` counts changes after which nothing was said; `tracebacks` those that ended in an error
@@ -34,7 +34,7 @@ from visavis.recording.reader import Recording
 from visavis.recording.sealed import copy_path
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.damage import require_intact
-from visavis.running.sessions.folder_check import repair_study, study_problems
+from visavis.running.sessions.folder_check import repair_study, session_problems, study_problems
 
 STUDY = "waving"
 SHORT = (
@@ -129,8 +129,12 @@ class DamagedStudy:
     def judge(self, kind: str, changed: tuple[Path, ...]) -> str:
         """Return "named", "unnamed" or "traceback" for what was changed."""
         touched = {p for path in changed for p in path.parents if p.name.startswith("ses-")}
+
+        def problems_of(session: Path) -> tuple[str, ...]:
+            return session_problems(session) if session in touched else ()
+
         try:
-            return "named" if study_problems(self.folder, sorted(touched)) else "unnamed"
+            return "named" if study_problems(self.folder, problems_of) else "unnamed"
         except LabError:
             return "named"
         except Exception as error:  # the benchmark counts what should never come

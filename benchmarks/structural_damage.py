@@ -358,7 +358,7 @@ class WorkingCopy:
     def is_named(self) -> bool:
         """Tell whether check says anything of the study."""
         try:
-            return bool(study_problems(self.study, None, self._problems_of))
+            return bool(study_problems(self.study, self._problems_of))
         except LabError:
             return True
 

@@ -9,6 +9,8 @@ import pytest
 
 from tests.recording.sessions import new_recorder, probe_batch, probe_manifest
 from visavis.lab.clock import NS_PER_MS, SimClock
+from visavis.recording import reader
+from visavis.recording.durable import sha256_of
 from visavis.recording.folder import create_session
 from visavis.recording.integrity import DAMAGED_STATUS, LOST_STATUS, analysed_trials, damage_of
 from visavis.recording.manifest import read_manifest, write_manifest
@@ -79,6 +81,46 @@ def test_an_intact_session_has_no_damage_and_its_rows_stay_as_recorded(tmp_path:
     recording = Recording(record(tmp_path))
     assert not damage_of(recording).is_damaged
     assert recording.trials().equals(analysed_trials(recording))
+
+
+def test_files_that_are_the_bytes_that_were_written_are_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording = Recording(record(tmp_path))
+    monkeypatch.setattr(reader, "read_stream_file", lambda *_, **__: pytest.fail("it was read"))
+    monkeypatch.setattr(reader, "read_journal", lambda *_: pytest.fail("it was read"))
+    assert not damage_of(recording).is_damaged
+
+
+def test_a_stream_that_nobody_declared_is_damage_beside_files_as_they_were_written(
+    tmp_path: Path,
+) -> None:
+    session = record(tmp_path)
+    stream = next(session.glob("part-*/*.arrows"))
+    stream.with_stem("another").write_bytes(stream.read_bytes())
+    problems = damage_of(Recording(session)).problems
+    assert any(problem.endswith("another.arrows is no file of this part") for problem in problems)
+
+
+@pytest.mark.parametrize("name", ["*.arrows", "events.jsonl"])
+def test_a_file_that_is_gone_is_damage_beside_others_as_they_were_written(
+    name: str, tmp_path: Path
+) -> None:
+    session = record(tmp_path)
+    next(session.glob(f"part-*/{name}")).unlink()
+    assert damage_of(Recording(session)).is_damaged
+
+
+def test_a_file_that_was_hashed_after_writing_had_failed_is_read(tmp_path: Path) -> None:
+    session = record(tmp_path)
+    stream = next(session.glob("part-*/*.arrows"))
+    change(stream, flipped(stream.stat().st_size // 2))
+    manifest = read_manifest(session)
+    (part,) = manifest.parts
+    (summary,) = part.streams
+    found = replace(summary, sha256=sha256_of(stream), closed_cleanly=False)
+    write_manifest(session, manifest.with_part(replace(part, streams=(found,))))
+    assert damage_of(Recording(session)).is_damaged
 
 
 def test_trials_that_lost_samples_are_named_and_no_others(tmp_path: Path) -> None:

@@ -9,7 +9,9 @@ import pytest
 from tests.sessions import STUDIES, perform
 from visavis.lab.errors import DataError
 from visavis.recording import reader
+from visavis.recording.durable import sha256_of
 from visavis.recording.integrity import DAMAGED_STATUS, TrialDamage, damage_of
+from visavis.recording.manifest import read_manifest, write_manifest
 from visavis.recording.reader import Recording
 from visavis.running.sessions.damage import require_intact
 from visavis.running.sessions.intake_list import intake_list
@@ -62,4 +64,25 @@ def test_a_file_that_is_damaged_after_the_report_is_no_shorter_stream(
     gaze.write_bytes(content)
     task = MeasuringTask(str(STUDIES / "duel.py"), copy, damage=report)
     with pytest.raises(DataError, match="damaged or changed after its files had been verified"):
+        measure_one(task)
+
+
+def test_what_was_wrong_before_it_was_written_and_hashed_is_no_shorter_stream(
+    session: Path, tmp_path: Path
+) -> None:
+    copy = Path(shutil.copytree(session, tmp_path / session.parent.name / session.name))
+    gaze = next(copy.glob("part-*/gaze.arrows"))
+    gaze.chmod(0o600)
+    content = bytearray(gaze.read_bytes())
+    content[len(content) // 2] ^= 1
+    gaze.write_bytes(content)
+    manifest = read_manifest(copy)
+    (part,) = manifest.parts
+    streams = tuple(
+        replace(s, sha256=sha256_of(gaze)) if s.name == "gaze" else s for s in part.streams
+    )
+    write_manifest(copy, manifest.with_part(replace(part, streams=streams)))
+    (report,) = require_intact([copy], accept=False)
+    task = MeasuringTask(str(STUDIES / "duel.py"), copy, damage=report)
+    with pytest.raises(DataError, match="rows cannot be read"):
         measure_one(task)

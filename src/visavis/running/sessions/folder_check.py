@@ -49,14 +49,13 @@ def session_problems(session: Path) -> tuple[str, ...]:
 
 def study_problems(
     folder: Path,
-    sessions: Sequence[Path] | None = None,
     problems_of: Callable[[Path], tuple[str, ...]] = session_problems,
 ) -> tuple[str, ...]:
     """Return everything wrong with any file of a study: settings, ledger, every session.
 
-    With `sessions`, only these of its sessions are looked at. Copies that differ are named, too,
-    though nothing reads them while the original is intact. `problems_of` reads one session's files:
-    who checks a study again and again may remember those of which nothing changed.
+    Copies that differ are named, too, though nothing reads them while the original is intact.
+    `problems_of` reads one session's files: who checks a study again and again may remember those
+    of which nothing changed.
     """
     problems = [*_settings_problems(folder), *_ledger_problems(folder), *_export_problems(folder)]
     problems += _lock_problems(folder)
@@ -64,9 +63,8 @@ def study_problems(
     problems += [problem for path in _remarks(folder) for problem in _remark_problems(path)]
     annotation_files = sorted(folder.glob(f"sub-*/{ANNOTATIONS_NAME}"))
     problems += [problem for path in annotation_files for problem in coding_problems(path.parent)]
-    if sessions is None:
-        problems += [*list_problems(folder), *_unknown_people(folder)]
-    for session in session_folders(folder) if sessions is None else sessions:
+    problems += [*list_problems(folder), *_unknown_people(folder)]
+    for session in session_folders(folder):
         problems += problems_of(session)
     return tuple(problems)
 
