@@ -141,7 +141,7 @@ def bare_round_trips_ms(port: str, count: int, within_s: float = 2.0) -> list[fl
 
 
 def link_round_trips_ms(port: str, count: int) -> list[float]:
-    """Send SET and read its answer through the serial library, without the driver above it."""
+    """Send SET and read its answer through the link, without the driver above it."""
     clock = SystemClock()
     link = SerialLink(clock, port=port)
     link.open(10.0)
@@ -436,10 +436,10 @@ def round_trips(port: str, commands: int) -> list[Row]:
     through = np.array(driver_round_trips_ms(port, commands))
     bare = np.array(bare_round_trips_ms(port, commands))
     (middle, late), (wire, wire_late) = (np.percentile(x, [50, 99]) for x in (through, bare))
-    library = float(np.median(link_round_trips_ms(port, commands))) - float(wire)
+    link = float(np.median(link_round_trips_ms(port, commands))) - float(wire)
     hot_ms, waited_ms = own_work_ms(waits=False), own_work_ms(waits=True)
     parts = (
-        f"the serial library alone (the driver's code alone after such waits {waited_ms:.2g} ms, "
+        f"the link alone (the driver's code alone after such waits {waited_ms:.2g} ms, "
         f"back to back {hot_ms:.2g})"
     )
     return [
@@ -450,8 +450,9 @@ def round_trips(port: str, commands: int) -> list[Row]:
             float(middle - wire),
             "ms",
             0.3,
-            floor=library,
+            floor=link,
             floor_name=parts,
+            floor_is_ours=True,
         ),
         Row("driver overhead, p99", float(late - wire_late), "ms", 2.0),
         Row("answered of commands", 100 * len(through) / commands, "%"),

@@ -156,6 +156,7 @@ def lines_of(monkeypatch, **options):
         port = SimpleNamespace(dtr=True, rts=True)
         port.open = lambda: lines.update(dtr=port.dtr, rts=port.rts)
         port.close = lambda: None
+        port.fileno = lambda: -1
         return port
 
     monkeypatch.setattr(serial, "serial_for_url", open_port)

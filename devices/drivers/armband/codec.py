@@ -71,8 +71,7 @@ class Welcome:
     rate_range_hz: tuple[float, float]
 
 
-@dataclass(frozen=True)
-class Acknowledgement:
+class Acknowledgement(NamedTuple):
     """The band's answer to a command: when it was applied and the PWM duties (0..255) then.
 
     `battery_mv` and `temperature_c` are None when the band cannot measure them; the temperature is
@@ -102,7 +101,7 @@ class BandEvent:
 Answer = Welcome | Acknowledgement | BandEvent
 
 
-def crc16(data: bytes) -> int:
+def crc16(data: bytes | bytearray) -> int:
     """Return CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF)."""
     return binascii.crc_hqx(data, 0xFFFF)
 
@@ -123,18 +122,15 @@ def encode_frame(kind: int, seq: int, payload: bytes = b"") -> bytes:
 
 def decode_frame(stuffed_bytes: bytes) -> Frame | None:
     """Return the frame in the bytes between two zeros; None when it is damaged."""
-    raw = bytearray()
-    at, end = 0, len(stuffed_bytes)
+    if 0 in stuffed_bytes:
+        return None
+    raw = bytearray(stuffed_bytes)
+    at, end = 0, len(raw)
     while at < end:
-        skip = stuffed_bytes[at]
-        block = stuffed_bytes[at + 1 : at + skip]
-        if skip == 0 or at + skip > end or 0 in block:
-            return None
-        raw += block
+        skip, raw[at] = raw[at], 0
         at += skip
-        if at < end:
-            raw.append(0)
-    if not 4 <= len(raw) <= MAX_RAW or crc16(bytes(raw[:-2])) != raw[-2] | raw[-1] << 8:
+    del raw[:1]
+    if at > end or not 4 <= len(raw) <= MAX_RAW or crc16(raw[:-2]) != raw[-2] | raw[-1] << 8:
         return None
     return Frame(raw[0], raw[1], bytes(raw[2:-2]))
 

@@ -4,7 +4,7 @@ Keeps no time and does no I/O.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from visavis.devices.contracts import PATTERN_NAMES, VibrationPattern
 from visavis.devices.drivers.armband import codec
@@ -13,8 +13,7 @@ from visavis.devices.drivers.armband.codec import Answer
 FULL = 255
 
 
-@dataclass(frozen=True)
-class Drive:
+class Drive(NamedTuple):
     """A setting of the motors: amplitudes 0..1 and rates in Hz (None: amplitude decides)."""
 
     amplitudes_01: tuple[float, ...]

@@ -14,6 +14,7 @@ SET, PATTERN, SILENCE, KEEP_ALIVE = range(4)
 
 COLUMNS = 4
 NO_PATTERN = 255
+NO_VALUES = (math.nan,) * COLUMNS
 
 
 @dataclass(slots=True)
@@ -82,29 +83,35 @@ class DeviceMicros:
 
 def command_batch(rows: Sequence[Command], first_seq: int) -> SampleBatch:
     """Return finished commands as samples of `HAPTICS`."""
-    values = empty_values(HAPTICS, len(rows))
-    values["amplitudes_01"] = values["rates_hz"] = np.nan
-    for i, row in enumerate(rows):
-        values["command"][i] = row.number
-        values["kind"][i] = row.kind
-        values["t_commanded_ns"][i] = row.t_commanded_ns
-        values["t_sent_ns"][i] = row.t_sent_ns
-        values["acknowledged"][i] = row.is_acknowledged
-        n = min(COLUMNS, len(row.amplitudes_01))
-        values["amplitudes_01"][i, :n] = row.amplitudes_01[:n]
-        if row.rates_hz is not None:
-            values["rates_hz"][i, :n] = row.rates_hz[:n]
-        values["duration_ms"][i] = row.duration_ms
-        values["pattern"][i] = row.pattern
-        values["low_hz"][i] = row.low_hz
-        values["modulation_hz"][i] = row.modulation_hz
+    # In the order of the columns of `HAPTICS`.
+    values = [
+        (
+            row.number,
+            row.kind,
+            row.t_commanded_ns,
+            row.t_sent_ns,
+            row.is_acknowledged,
+            _of_motors(row.amplitudes_01),
+            NO_VALUES if row.rates_hz is None else _of_motors(row.rates_hz),
+            row.duration_ms,
+            row.pattern,
+            row.low_hz,
+            row.modulation_hz,
+        )
+        for row in rows
+    ]
     return SampleBatch(
         HAPTICS,
         np.arange(first_seq, first_seq + len(rows), dtype=np.int64),
         np.array([row.t_device_ns for row in rows], np.int64),
         np.array([row.t_host_ns for row in rows], np.int64),
-        values,
+        np.array(values, HAPTICS.dtype),
     )
+
+
+def _of_motors(values: Sequence[float]) -> tuple[float, ...]:
+    """Return the values of the motors that have columns, NaN where there is no motor."""
+    return (*values, *NO_VALUES)[:COLUMNS]
 
 
 def band_batch(rows: Sequence[BandRow], first_seq: int) -> SampleBatch:

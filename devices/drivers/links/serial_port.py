@@ -9,6 +9,8 @@ second processor of an Arduino Uno) a rising DTR resets it; on one whose own pro
 
 import contextlib
 import os
+import select
+import sys
 import threading
 from collections.abc import Callable, Sequence
 from errno import EACCES
@@ -35,7 +37,9 @@ ACCESS_REMEDY = "you may not use this port: visavis devices rules says how to ch
 
 
 class SerialLink:
-    """A `ByteLink` over pyserial.
+    """A `ByteLink` over pyserial, which opens the port and waits where it takes no bytes.
+
+    What passes at once is read and written by system calls alone, except on Windows and URLs.
 
     `port` is a device name ("COM4", "/dev/ttyUSB0", a pty) or a URL pyserial knows
     ("socket://host:port"); instead, `vid`, `pid` and `serial_number` find it. `dtr` is "on",
@@ -72,6 +76,7 @@ class SerialLink:
         )
         self._opened_as = port
         self._serial: Any = None
+        self._fd: int | None = None
         self._library: Any = None
         self._writing = threading.RLock()
 
@@ -102,7 +107,8 @@ class SerialLink:
             why = os.strerror(errno) if errno else str(cause)
             remedy = ACCESS_REMEDY if errno == EACCES else self._remedy
             raise DeviceNotFound(f"cannot open {name}: {why}", remedy=remedy) from cause
-        self._serial = port
+        has_fd = sys.platform != "win32" and "://" not in name
+        self._serial, self._fd = port, port.fileno() if has_fd else None
 
     def _set_lines(self, port: Any, name: str) -> None:
         """Set the lines that hold from the moment the port opens."""
@@ -118,7 +124,9 @@ class SerialLink:
             raise DeviceDisconnected("the port is closed", remedy=self._remedy)
         try:
             with self._writing:
-                port.write(data)
+                rest = data if self._fd is None else data[_write_at_once(self._fd, data) :]
+                if rest:
+                    port.write(rest)
         except self._library.SerialTimeoutException as cause:
             raise DeviceTimeout(
                 f"{self._opened_as} takes no bytes", remedy="switch the band off and on"
@@ -135,25 +143,29 @@ class SerialLink:
         if port is None:
             raise DeviceDisconnected("the port is closed", remedy=self._remedy)
         try:
-            if port.timeout != timeout_s:
-                port.timeout = timeout_s
-            data = port.read(1)
-        except (self._library.SerialException, OSError, TypeError) as cause:
+            if self._fd is not None:
+                data = _read_at_once(self._fd, timeout_s)
+            else:
+                if port.timeout != timeout_s:
+                    port.timeout = timeout_s
+                data = port.read(1)
+        except (self._library.SerialException, OSError, TypeError, ValueError) as cause:
             raise DeviceDisconnected(
                 f"{self._opened_as} is gone: {cause}", remedy=self._remedy
             ) from cause
         if not data:
             return ()
         stamp_ns = self._clock.now_ns()
-        with contextlib.suppress(self._library.SerialException, OSError, TypeError):
-            # earlier bytes count; the next call raises at the end of the link
-            if waiting := port.in_waiting:
-                data += port.read(min(waiting, MAX_BYTES))
+        if self._fd is None:
+            with contextlib.suppress(self._library.SerialException, OSError, TypeError):
+                # earlier bytes count; the next call raises at the end of the link
+                if waiting := port.in_waiting:
+                    data += port.read(min(waiting, MAX_BYTES))
         return (Chunk(stamp_ns, data),)
 
     def close(self) -> None:
         """Close the port; idempotent."""
-        port, self._serial = self._serial, None
+        port, self._serial, self._fd = self._serial, None, None
         if port is not None:
             # The library leaves the socket of a URL open when the other end was reset.
             url_socket = getattr(port, "_socket", None)
@@ -161,6 +173,27 @@ class SerialLink:
                 port.close()
             if url_socket is not None:
                 url_socket.close()
+
+
+def _write_at_once(fd: int, data: bytes) -> int:
+    """Return how many bytes a port takes without waiting."""
+    try:
+        return os.write(fd, data)
+    except BlockingIOError:
+        return 0
+
+
+def _read_at_once(fd: int, timeout_s: float) -> bytes:
+    """Return what has come, after a wait for the first byte; raises OSError at the port's end."""
+    if not select.select((fd,), (), (), max(0.0, timeout_s))[0]:
+        return b""
+    try:
+        data = os.read(fd, MAX_BYTES)
+    except BlockingIOError:
+        return b""
+    if not data:
+        raise OSError("ready to be read, but nothing is there")
+    return data
 
 
 def serial_port(baud: int | None = None) -> Callable[[Site[Any]], ByteLink]:
