@@ -20,8 +20,10 @@ from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.body import ARM_JOINTS, capsule_body
 from visavis.stimuli.contact.figures import Figures, crowd_figures
-from visavis.stimuli.contact.idle import N_JOINTS, crowd_poses, people_of
+from visavis.stimuli.contact.idle import crowd_poses, people_of, workspace
 from visavis.stimuli.contact.touch import (
+    MAX_TOUCHES,
+    Lasting,
     LastPoses,
     Touch,
     TouchSensor,
@@ -89,18 +91,17 @@ def pose_touched(
     part_starts: Vector,
     part_ends: Vector,
     part_radii: Vector,
-    people: Vector,
-    last: LastPoses,
     t_s: float,
-    figures: Figures,
+    lasting: Lasting,
     who: npt.NDArray[np.int64],
 ) -> int:
     """Pose these people, as many arguments as the product's own call has; return how many."""
-    root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
-    position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
+    people, poses, figures, _ = lasting
+    last = LastPoses(*poses)
+    room = workspace()
     for i in who:
         starts, ends = last.ends_m[i, 0], last.ends_m[i, 1]
-        pose_person(people[i], t_s, figures, root, local, position, world, starts, ends)
+        pose_person(people[i], t_s, Figures(*figures), room, starts, ends)
         last.t_s[i] = t_s
     return len(who)
 
@@ -109,14 +110,15 @@ def pose_known(walk: Walk) -> tuple[float, LastPoses, list[tuple[Touch, ...]]]:
     """Pose and describe all who are touched, frame by frame; return mean CPU ms, what was posed
     last, and the touches.
     """
-    people, figures = people_of(walk.crowd), crowd_figures()
+    people = people_of(walk.crowd)
     last = no_poses(len(people))
+    lasting = people, tuple(last), tuple(crowd_figures()), np.empty((MAX_TOUCHES, 7))
     touches: list[tuple[Touch, ...]] = []
-    pose_touched(*walk.ends_m[0], walk.radius_m, people, last, 0.0, figures, walk.who[0])
+    pose_touched(*walk.ends_m[0], walk.radius_m, 0.0, lasting, walk.who[0])
     begin_s = cpu_time_s()
     for i, (starts, ends) in enumerate(walk.ends_m):
         who = walk.who[i]
-        pose_touched(starts, ends, walk.radius_m, people, last, i / 90, figures, who)
+        pose_touched(starts, ends, walk.radius_m, i / 90, lasting, who)
         touches.append(touches_of(walk.how[i]) if len(who) else ())
     return 1e3 * (cpu_time_s() - begin_s) / len(walk.ends_m), last, touches
 

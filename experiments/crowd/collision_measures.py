@@ -29,7 +29,7 @@ from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.body import CAPSULE_JOINTS, capsule_body
 from visavis.stimuli.contact.common import Capsules, volumes_along
 from visavis.stimuli.contact.figures import crowd_figures
-from visavis.stimuli.contact.idle import N_JOINTS, place_person
+from visavis.stimuli.contact.idle import place_person, workspace
 from visavis.stimuli.contact.touch import REACH_M, TouchSensor
 
 CAPSULE_CELL_M: Final = 0.0125
@@ -203,8 +203,7 @@ class _Poser:
         self._scale = walk.stature_m / size_m
         self._people, self._t_s = walk.people, walk.crowd_t_s
         self._step, self._mesh = -1, ClosedMesh(np.empty((0, 3)), np.empty((0, 3), np.int32))
-        self._root, self._local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
-        self._position, self._world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
+        self._room = workspace()
 
     def own(self, step: int) -> ClosedMesh:
         """Return the participant's surface."""
@@ -218,14 +217,7 @@ class _Poser:
 
     def other(self, step: int, person: int) -> ClosedMesh:
         """Return a person's surface."""
-        place_person(
-            self._people[person],
-            float(self._t_s[step]),
-            crowd_figures(),
-            self._root,
-            self._local,
-            self._position,
-            self._world,
-        )
+        room = self._room
+        place_person(self._people[person], float(self._t_s[step]), crowd_figures(), room)
         surface = person_surface(int(self._walk.crowd.character[person]), self._surface)
-        return surface.mesh_at(self._position[0], self._world[0])
+        return surface.mesh_at(room.position_m[0], room.world[0])

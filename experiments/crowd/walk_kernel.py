@@ -18,7 +18,7 @@ from visavis.analysis.collisions.skinned import (
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.figures import Figures
-from visavis.stimuli.contact.idle import N_JOINTS, place_person
+from visavis.stimuli.contact.idle import place_person, workspace
 
 
 class Measuring(NamedTuple):
@@ -55,8 +55,7 @@ def volumes_of_walk(
     # Buffers once for all steps; most vertices stay unposed at most of them.
     me, them = room_for(own), room_for(others)
     common_box = np.empty((2, 3))
-    root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
-    position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
+    room = workspace()
     for i in range(positions.shape[0]):
         if not np.isfinite(positions[i].sum() + worlds[i].sum()):
             volumes[i] = np.nan
@@ -73,8 +72,8 @@ def volumes_of_walk(
             if not comes_near(own, me, people[p, 0], people[p, 1], how.reach_m):
                 continue
             other = body_of(others, int(people[p, 15]))
-            place_person(people[p], crowd_t_s[i], figures, root, local, position, world)
-            move_joints(other, position[0], world[0], 1.0, them)
+            place_person(people[p], crowd_t_s[i], figures, room)
+            move_joints(other, room.position_m[0], room.world[0], 1.0, them)
             # Test 2: boxes of whole bodies, then of slices before and after they are posed.
             if not boxes_meet(me.whole, them.whole):
                 continue

@@ -11,7 +11,7 @@ import numpy as np
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.figures import Figures
-from visavis.stimuli.contact.idle import N_JOINTS, place_person
+from visavis.stimuli.contact.idle import place_person, workspace
 from visavis.stimuli.contact.touch import pose_capsules, segment_distance
 
 _MAX_SPANS = 64
@@ -217,8 +217,7 @@ def volumes_along(
     theirs, their_ends = np.empty((n_people, m, 3)), np.empty((n_people, m, 3))
     posed_s = np.full(n_people, -np.inf)
     radii = own.radius_m
-    root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
-    position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
+    room = workspace()
     for i in range(positions.shape[0]):
         if not np.isfinite(positions[i].sum() + worlds[i].sum()):
             volumes[i] = np.nan
@@ -244,10 +243,10 @@ def volumes_along(
             # `hold_s` only.
             if abs(crowd_t_s[i] - posed_s[p]) > hold_s or hold_s == 0.0:
                 posed_s[p] = crowd_t_s[i]
-                place_person(people[p], crowd_t_s[i], figures, root, local, position, world)
+                place_person(people[p], crowd_t_s[i], figures, room)
                 pose_capsules(
-                    position[0],
-                    world[0],
+                    room.position_m[0],
+                    room.world[0],
                     columns,
                     figures.start_m[who],
                     figures.end_m[who],

@@ -13,7 +13,7 @@ from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.common import Capsules, stretch
 from visavis.stimuli.contact.figures import Figures
-from visavis.stimuli.contact.idle import N_JOINTS, place_person
+from visavis.stimuli.contact.idle import place_person, workspace
 from visavis.stimuli.contact.touch import pose_capsules, segment_distance
 
 _HALVINGS: Final = 24
@@ -176,16 +176,15 @@ def cubes_at(
         np.empty((m, 3)),
         np.empty((m, 3)),
     )
-    root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
-    position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
+    room = workspace()
     for n in range(steps.shape[0]):
         i, person = steps[n], people[persons[n]]
         pose_capsules(positions[i], worlds[i], columns, own.start_m, own.end_m, 1.0, starts, ends)
         who = int(person[15])
-        place_person(person, crowd_t_s[i], figures, root, local, position, world)
+        place_person(person, crowd_t_s[i], figures, room)
         pose_capsules(
-            position[0],
-            world[0],
+            room.position_m[0],
+            room.world[0],
             columns,
             figures.start_m[who],
             figures.end_m[who],

@@ -5,7 +5,7 @@ the phone hold it to the ear. Contact uses the same poses as drawing: both come 
 `visavis.stimuli.motion`, person by person here, everybody at once there.
 """
 
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -13,12 +13,12 @@ from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.figures import Figures, crowd_figures
-from visavis.stimuli.gaze.gaze_shift_kernels import Schedule, turn_rows
+from visavis.stimuli.gaze.gaze_shift_kernels import RECENT, glance_around, turn_to
 from visavis.stimuli.motion import posture as p
 from visavis.stimuli.motion.gesture_kernels import phone_but_fingers
 from visavis.stimuli.motion.kinds import Idle, Kind, Phone
-from visavis.stimuli.motion.placing_kernels import placed_rows
-from visavis.stimuli.motion.posture_kernels import look_from, pose_but_fingers
+from visavis.stimuli.motion.placing_kernels import put_at
+from visavis.stimuli.motion.posture_kernels import head_turn, pose_but_fingers
 from visavis.stimuli.motion.skeleton import canonical_skeleton
 from visavis.stimuli.motion.slerp_kernels import forward_rows
 from visavis.stimuli.motion.standing_kernels import idle_but_fingers
@@ -78,49 +78,69 @@ def set_turn(local: Vector, joint: int, x: float, y: float, z: float) -> None:
     local[joint, 3] = cy * cx * sz - sy * sx * cz
 
 
-@compiled
-def idle_turns(person: Vector, t_s: float, figures: Figures, root: Vector, local: Vector) -> None:
-    """Write roots (1, 3) and joint turns (1, 22, 4) of `BODY_JOINTS` of a person at a time: the
-    very posture that is drawn, feet locked to the floor.
+class Workspace(NamedTuple):
+    """Room to pose one person, used again for everybody.
+
+    `controls` (SIZE,) and the canonical skeleton's `turns`, `trunk_world` (55, 4), `trunk_m`
+    (55, 3); `looks` (6, 5); of `BODY_JOINTS`, as `forward_rows` takes and writes them, `root_m`
+    (1, 3), `local` (1, 22, 4), `position_m` (1, 22, 3) and `world` (1, 22, 4).
     """
-    who = int(person[_FIGURE])
-    controls = np.empty((1, p.SIZE))
-    rows, seeds = np.zeros(1, np.int64), np.full(1, int(person[_SEED]))
-    lengths, offsets = figures.lengths_m[who], figures.skeleton_m[who : who + 1]
-    seed, lively = int(person[_SEED]), person[_LIVELY]
-    if person[4] > 0.5:
-        phone_but_fingers(controls[0], t_s, lengths, seed, lively, int(person[_HAND]))
-    else:
-        idle_but_fingers(controls[0], t_s, lengths, seed, lively, int(person[_ARMS]))
-    place, heading = np.zeros((1, 3)), np.full(1, person[2])
-    place[0, 0], place[0, 2] = person[0], person[1]
-    placed_rows(controls, place, heading)
-    eyes, head, chest = np.empty((1, 3)), np.empty((1, 4)), np.empty((1, 4))
-    # Where people look follows from where their eyes are, so the trunk is posed first.
-    look_from(controls, offsets, rows, eyes, head, chest)
-    gaze_turn = np.zeros((1, 3))
-    no_looks = Schedule(np.zeros(2, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros((1, 3)))
-    turn_rows(
-        t_s,
-        no_looks,
-        eyes,
-        head,
-        controls[:, p.FRONT : p.ATTEND + 3].copy(),
-        seeds,
-        np.full(3, np.nan),
-        gaze_turn,
+
+    controls: Vector
+    turns: Vector
+    trunk_world: Vector
+    trunk_m: Vector
+    looks: Vector
+    root_m: Vector
+    local: Vector
+    position_m: Vector
+    world: Vector
+
+
+@compiled
+def workspace() -> Workspace:
+    """Return room to pose one person."""
+    return Workspace(
+        np.empty(p.SIZE),
+        np.empty((p.JOINTS, 4)),
+        np.empty((p.JOINTS, 4)),
+        np.empty((p.JOINTS, 3)),
+        np.empty((RECENT + 1, 5)),
+        np.empty((1, 3)),
+        np.empty((1, N_JOINTS, 4)),
+        np.empty((1, N_JOINTS, 3)),
+        np.empty((1, N_JOINTS, 4)),
     )
-    controls[0, p.TRUNK_YAW] += gaze_turn[0, 0]
-    controls[0, p.HEAD_YAW] += gaze_turn[0, 1]
-    controls[0, p.HEAD_PITCH] += gaze_turn[0, 2]
+
+
+@compiled
+def idle_turns(person: Vector, t_s: float, figures: Figures, room: Workspace) -> None:
+    """Write root and joint turns of `BODY_JOINTS` of a person at a time: the very posture that is
+    drawn, feet locked to the floor.
+    """
+    who, seed, lively = int(person[_FIGURE]), int(person[_SEED]), person[_LIVELY]
+    lengths, offsets = figures.lengths_m[who], figures.skeleton_m[who]
+    c, turns = room.controls, room.turns
+    if person[4] > 0.5:
+        phone_but_fingers(c, t_s, lengths, seed, lively, int(person[_HAND]))
+    else:
+        idle_but_fingers(c, t_s, lengths, seed, lively, int(person[_ARMS]))
+    put_at(c, (person[0], 0.0, person[1]), person[2])
+    # Where people look follows from how the head is turned, so the trunk is posed first.
+    head = head_turn(c, offsets, turns, room.trunk_world, room.trunk_m)
+    attend = c[p.ATTEND : p.ATTEND + 3]
+    glance_around(-np.inf, t_s, seed, c[p.FRONT], attend, room.looks, 0)
+    trunk_yaw, head_yaw, head_pitch = turn_to(t_s, room.looks, head, seed)
+    c[p.TRUNK_YAW] += trunk_yaw
+    c[p.HEAD_YAW] += head_yaw
+    c[p.HEAD_PITCH] += head_pitch
     # Fingers are left out: no capsule hangs on them.
-    turns = np.empty((1, p.JOINTS, 4))
-    pose_but_fingers(controls[0], offsets[0], turns[0])
+    pose_but_fingers(c, offsets, turns, room.trunk_world, room.trunk_m)
     for k in range(3):
-        root[0, k] = controls[0, p.HIPS + k]
+        room.root_m[0, k] = c[p.HIPS + k]
     for k in range(N_JOINTS):
         for i in range(4):
-            local[0, k, i] = turns[0, _BODY[k], i]
+            room.local[0, k, i] = turns[_BODY[k], i]
 
 
 @compiled
@@ -137,19 +157,11 @@ def hang_joint(
 
 
 @compiled
-def place_person(
-    person: Vector,
-    t_s: float,
-    figures: Figures,
-    root: Vector,
-    local: Vector,
-    position: Vector,
-    world: Vector,
-) -> None:
-    """Write joints in world, (1, 22, 3) and (1, 22, 4), of a person at a time."""
-    who = int(person[_FIGURE])
-    idle_turns(person, t_s, figures, root, local)
-    forward_rows(figures.parents, figures.offsets_m[who], root, local, position, world)
+def place_person(person: Vector, t_s: float, figures: Figures, room: Workspace) -> None:
+    """Write joints in world, `room.position_m` and `room.world`, of a person at a time."""
+    idle_turns(person, t_s, figures, room)
+    offsets_m = figures.offsets_m[int(person[_FIGURE])]
+    forward_rows(figures.parents, offsets_m, room.root_m, room.local, room.position_m, room.world)
 
 
 def crowd_poses(people: Vector, t_s: float) -> tuple[Vector, Vector]:
@@ -157,7 +169,8 @@ def crowd_poses(people: Vector, t_s: float) -> tuple[Vector, Vector]:
     n = len(people)
     figures = crowd_figures()
     position, world = np.empty((n, N_JOINTS, 3)), np.empty((n, N_JOINTS, 4))
-    root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
+    room = workspace()
     for i in range(n):
-        place_person(people[i], t_s, figures, root, local, position[i : i + 1], world[i : i + 1])
+        place_person(people[i], t_s, figures, room)
+        position[i], world[i] = room.position_m[0], room.world[0]
     return position, world

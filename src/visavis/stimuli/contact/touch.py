@@ -4,7 +4,7 @@ A circle and a box leave the few people who stand near. Of those, only who may h
 capsule since last posed is posed anew and compared, capsule by capsule.
 """
 
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,8 @@ from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.body import CAPSULE_JOINTS
 from visavis.stimuli.contact.figures import Figures, crowd_figures
-from visavis.stimuli.contact.idle import N_JOINTS, N_PERSON, people_of, place_person
+from visavis.stimuli.contact.idle import N_PERSON, Workspace, people_of, place_person, workspace
+from visavis.stimuli.motion.quaternion_kernels import Triple, triple_of
 from visavis.stimuli.scenes.station_crowd import Crowd
 
 REACH_M: Final = 0.58
@@ -33,6 +34,12 @@ WAITING_M_S: Final = 0.5
 TELEPHONING_M_S: Final = 2.0
 """No part of an idle person moves faster than this; three thousand seeds of twelve people reached
 0.22 and 0.92 m/s."""
+
+
+Lasting = tuple[Vector, tuple[Vector, ...], tuple[npt.NDArray[Any], ...], Vector]
+"""What every call for one crowd takes: people, last poses, figures, room for touches. In plain
+tuples, because numba takes longer to look through named ones than to test six arms.
+"""
 
 
 class LastPoses(NamedTuple):
@@ -164,22 +171,24 @@ def _any_near(starts: Vector, ends: Vector, radii: Vector, person: Vector, reach
 
 
 @compiled
-def _box_of(starts: Vector, ends: Vector, radii: Vector, low: Vector, high: Vector) -> None:
-    """Write the corners (3,) of the box about capsules; those with a NaN are left out."""
-    low[:], high[:] = np.inf, -np.inf
+def _box_of(starts: Vector, ends: Vector, radii: Vector) -> tuple[Triple, Triple]:
+    """Return the corners of the box about capsules; those with a NaN are left out."""
+    low_x = low_y = low_z = np.inf
+    high_x = high_y = high_z = -np.inf
     for k in range(starts.shape[0]):
-        r = radii[k]
-        if not np.isfinite(starts[k].sum() + ends[k].sum()):
+        (ax, ay, az), (bx, by, bz), r = triple_of(starts[k]), triple_of(ends[k]), radii[k]
+        if not np.isfinite(ax + ay + az + bx + by + bz):
             continue
-        for axis in range(3):
-            low[axis] = min(low[axis], starts[k, axis] - r, ends[k, axis] - r)
-            high[axis] = max(high[axis], starts[k, axis] + r, ends[k, axis] + r)
+        low_x, high_x = min(low_x, ax - r, bx - r), max(high_x, ax + r, bx + r)
+        low_y, high_y = min(low_y, ay - r, by - r), max(high_y, ay + r, by + r)
+        low_z, high_z = min(low_z, az - r, bz - r), max(high_z, az + r, bz + r)
+    return (low_x, low_y, low_z), (high_x, high_y, high_z)
 
 
 @compiled
 def _capsules_in(
-    low: Vector,
-    high: Vector,
+    low: Triple,
+    high: Triple,
     beyond_m: float,
     starts: Vector,
     ends: Vector,
@@ -222,21 +231,19 @@ def pose_person(
     who: Vector,
     t_s: float,
     figures: Figures,
-    root: Vector,
-    local: Vector,
-    position: Vector,
-    world: Vector,
+    room: Workspace,
     starts: Vector,
     ends: Vector,
 ) -> None:
     """Write the ends (capsules, 3) of a person's capsules at a time.
 
-    `who` is a row of `idle.people_of`; `root` to `world` are work space for one person.
+    `who` is a row of `idle.people_of`.
     """
-    place_person(who, t_s, figures, root, local, position, world)
+    place_person(who, t_s, figures, room)
     person = int(who[15])
     starts_m, ends_m = figures.start_m[person], figures.end_m[person]
-    pose_capsules(position[0], world[0], figures.columns, starts_m, ends_m, 1.0, starts, ends)
+    position_m, world = room.position_m[0], room.world[0]
+    pose_capsules(position_m, world, figures.columns, starts_m, ends_m, 1.0, starts, ends)
 
 
 @compiled
@@ -256,18 +263,16 @@ def find_touches(
     where it is deepest. Parts with a NaN touch nothing.
     """
     n_parts, n_capsules = part_starts.shape[0], figures.columns.shape[0]
-    low, high, near = np.empty(3), np.empty(3), np.empty(n_capsules, np.int64)
-    _box_of(part_starts, part_ends, part_radii, low, high)
-    # Work space for posing one person, used again for everybody.
-    root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
-    position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
-    point = np.empty(3)
+    low, high = _box_of(part_starts, part_ends, part_radii)
+    room, point, near = workspace(), np.empty(3), np.empty(n_capsules, np.int64)
     n_touches = 0
     for i in range(people.shape[0]):
-        # Three cheap tests before somebody is posed: the box of all parts, part by part against
-        # the box of the person, and against the last pose.
-        dx = max(low[0] - people[i, 0], 0.0, people[i, 0] - high[0])
-        dz = max(low[2] - people[i, 1], 0.0, people[i, 1] - high[2])
+        # Three cheap tests before somebody is posed: the box of all parts, along one axis first,
+        # part by part against the box of the person, and against the last pose.
+        dx = max(low[0] - people[i, 0], people[i, 0] - high[0])
+        if dx > REACH_M:
+            continue
+        dx, dz = max(dx, 0.0), max(low[2] - people[i, 1], 0.0, people[i, 1] - high[2])
         telephones = people[i, 4] > 0.5
         reach = REACH_M if telephones else REACH_M - NEARER_WAITING_M
         if not dx * dx + dz * dz <= reach * reach:
@@ -284,6 +289,8 @@ def find_touches(
         for k in range(n_parts):
             for c in near[:n_near]:
                 r = part_radii[k] + radius[c] + moved_m
+                if _is_apart(part_starts[k], part_ends[k], starts[c], ends[c], r):
+                    continue
                 square = segment_distance(part_starts[k], part_ends[k], starts[c], ends[c], point)
                 if square < r * r:
                     may_touch = True
@@ -292,7 +299,7 @@ def find_touches(
                 break
         if not may_touch:
             continue
-        pose_person(people[i], t_s, figures, root, local, position, world, starts, ends)
+        pose_person(people[i], t_s, figures, room, starts, ends)
         last.t_s[i] = t_s
         n_near = _capsules_in(low, high, 0.0, starts, ends, radius, near)
         for k in range(n_parts):
@@ -362,14 +369,31 @@ def touches_of(touch_rows: Vector) -> tuple[Touch, ...]:
     )
 
 
+@compiled
+def _find_touches_of(
+    part_starts: Vector, part_ends: Vector, part_radii: Vector, t_s: float, lasting: Lasting
+) -> int:
+    """Write touches, as `find_touches` does."""
+    people, last, figures, touch_rows = lasting
+    return find_touches(
+        part_starts,
+        part_ends,
+        part_radii,
+        people,
+        LastPoses(*last),
+        t_s,
+        Figures(*figures),
+        touch_rows,
+    )
+
+
 class TouchSensor:
     """Compare capsules of a participant with a crowd, sample by sample."""
 
     def __init__(self, crowd: Crowd) -> None:
-        self._people = people_of(crowd) if len(crowd) else np.empty((0, N_PERSON))
-        self._last = no_poses(len(self._people))
-        self._figures = crowd_figures()
+        people = people_of(crowd) if len(crowd) else np.empty((0, N_PERSON))
         self._found = np.empty((MAX_TOUCHES, 7))
+        self._lasting = people, tuple(no_poses(len(people))), tuple(crowd_figures()), self._found
 
     def touches(
         self, starts_m: Vector, ends_m: Vector, radii_m: Vector, crowd_t_s: float
@@ -382,13 +406,4 @@ class TouchSensor:
 
     def count(self, starts_m: Vector, ends_m: Vector, radii_m: Vector, crowd_t_s: float) -> int:
         """Return how many touches there are, without describing them."""
-        return find_touches(
-            starts_m,
-            ends_m,
-            radii_m,
-            self._people,
-            self._last,
-            crowd_t_s,
-            self._figures,
-            self._found,
-        )
+        return _find_touches_of(starts_m, ends_m, radii_m, crowd_t_s, self._lasting)

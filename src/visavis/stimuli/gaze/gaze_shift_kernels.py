@@ -16,11 +16,13 @@ from visavis.lab.geometry import Vector
 from visavis.stimuli.gaze.behaviour import SACCADE_BASE_MS, SACCADE_MS_PER_DEG
 from visavis.stimuli.gaze.blinks import CLOSED_01, CLOSING_01
 from visavis.stimuli.motion.quaternion_kernels import (
+    Quat,
     Triple,
     dot,
     inverse,
     minus,
     plus,
+    quat_of,
     rotate_vector,
     scale_vector,
     unit_of,
@@ -152,6 +154,31 @@ def _slot_at(t_s: float, person: int) -> int:
 
 
 @compiled
+def glance_around(
+    since_s: float,
+    until_s: float,
+    person: int,
+    front: float,
+    attend: Vector,
+    looks: Vector,
+    count: int,
+) -> int:
+    """Write, after the first `count`, the looks of somebody who looks around; return how many there
+    are then. Of those between two times the last `RECENT` still matter, and the one before them.
+    """
+    slot, back = _slot_at(until_s, person), 0
+    while back < RECENT and around_start_s(person, slot - back) > since_s:
+        back += 1
+    for k in range(back, -1, -1):
+        to = _around(person, slot - k, front, attend)
+        looks[count, 0] = max(since_s, around_start_s(person, slot - k))
+        looks[count, 1], looks[count, 2], looks[count, 3] = to[0], to[1], to[2]
+        looks[count, 4] = np.inf
+        count += 1
+    return count
+
+
+@compiled
 def recent_looks(
     t_s: float,
     r: int,
@@ -179,24 +206,42 @@ def recent_looks(
             kind, since = kinds[row], start_s[row]
             if row < last:
                 until = start_s[row + 1]
-        slot, back = 0, 0
         if kind == AROUND:
-            slot = _slot_at(until, person)
-            # One entry of the schedule may hold several glances around; the last `RECENT` still
-            # matter.
-            while back < RECENT and around_start_s(person, slot - back) > since:
-                back += 1
-        for k in range(back, -1, -1):
-            begins = since
-            if kind == AROUND:
-                begins = max(since, around_start_s(person, slot - k))
-                to, far = _around(person, slot - k, ahead, attend), np.inf
-            else:
-                to, far = _target(kind, vectors[row], ahead, eyes_m, r, observer)
-            looks[count, 0], looks[count, 4] = begins, far
+            count = glance_around(since, until, person, ahead, attend, looks, count)
+        else:
+            to, far = _target(kind, vectors[row], ahead, eyes_m, r, observer)
+            looks[count, 0], looks[count, 4] = since, far
             looks[count, 1], looks[count, 2], looks[count, 3] = to[0], to[1], to[2]
             count += 1
     return count
+
+
+@compiled
+def turn_to(t_s: float, looks: Vector, head_wxyz: Quat, person: int) -> Triple:
+    """Return what trunk and head add after looks (n, 5): yaw of the trunk, yaw and pitch of the
+    head.
+    """
+    to_head = inverse(head_wxyz)
+    # Seconds by which the head follows the eyes, and how slowly this person turns.
+    lag = 0.03 + 0.05 * chance(person, 213, 0)
+    slow = 0.85 + 0.4 * chance(person, 214, 0)
+    trunk, head, nod = 0.0, 0.0, 0.0
+    for i in range(looks.shape[0]):
+        target = rotate_vector(to_head, (looks[i, 1], looks[i, 2], looks[i, 3]))
+        pitch = np.arcsin(min(1.0, max(-1.0, target[1])))
+        goal = shares_rad(np.arctan2(-target[0], -target[2]), pitch, person)
+        if i == 0:
+            trunk, head, nod = goal
+            continue
+        since = t_s - looks[i, 0]
+        # Turns are played one after another from where each left off, so that none ever jumps.
+        size = np.hypot(goal[1] - head, goal[2] - nod)
+        s = ease((since - lag) / (slow * (0.26 + 0.40 * size)))
+        head, nod = head + s * (goal[1] - head), nod + s * (goal[2] - nod)
+        size = abs(goal[0] - trunk)
+        s = ease((since - 2.2 * lag) / (slow * (0.45 + 0.55 * size)))
+        trunk += s * (goal[0] - trunk)
+    return trunk, head, nod
 
 
 @compiled
@@ -213,29 +258,9 @@ def turn_rows(
     """Write what trunk and head add (n, 3): yaw of the trunk, yaw and pitch of the head."""
     looks = np.empty(((RECENT + 1) ** 2, 5))
     for r in range(eyes_m.shape[0]):
-        person = seeds[r]
-        to_head = inverse((head_wxyz[r, 0], head_wxyz[r, 1], head_wxyz[r, 2], head_wxyz[r, 3]))
+        person, head = seeds[r], quat_of(head_wxyz[r])
         count = recent_looks(t_s, r, schedule, eyes_m, fronts[r], person, observer, looks)
-        # Seconds by which the head follows the eyes, and how slowly this person turns.
-        lag = 0.03 + 0.05 * chance(person, 213, 0)
-        slow = 0.85 + 0.4 * chance(person, 214, 0)
-        trunk, head, nod = 0.0, 0.0, 0.0
-        for i in range(count):
-            target = rotate_vector(to_head, (looks[i, 1], looks[i, 2], looks[i, 3]))
-            pitch = np.arcsin(min(1.0, max(-1.0, target[1])))
-            goal = shares_rad(np.arctan2(-target[0], -target[2]), pitch, person)
-            if i == 0:
-                trunk, head, nod = goal
-                continue
-            since = t_s - looks[i, 0]
-            # Turns are played one after another from where each left off, so that none ever jumps.
-            size = np.hypot(goal[1] - head, goal[2] - nod)
-            s = ease((since - lag) / (slow * (0.26 + 0.40 * size)))
-            head, nod = head + s * (goal[1] - head), nod + s * (goal[2] - nod)
-            size = abs(goal[0] - trunk)
-            s = ease((since - 2.2 * lag) / (slow * (0.45 + 0.55 * size)))
-            trunk += s * (goal[0] - trunk)
-        out[r, 0], out[r, 1], out[r, 2] = trunk, head, nod
+        out[r, 0], out[r, 1], out[r, 2] = turn_to(t_s, looks[:count], head, person)
 
 
 @compiled

@@ -6,11 +6,12 @@ import numpy.typing as npt
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.motion import posture as p
+from visavis.stimuli.motion.quaternion_kernels import Triple, triple_of
 from visavis.stimuli.motion.rhythm_kernels import ease
 
 
 @compiled
-def _move_point(c: Vector, start: int, place: Vector, cosine: float, sine: float) -> None:
+def _move_point(c: Vector, start: int, place: Triple, cosine: float, sine: float) -> None:
     x, z = c[start], c[start + 2]
     c[start] = place[0] + cosine * x + sine * z
     c[start + 1] += place[1]
@@ -18,19 +19,24 @@ def _move_point(c: Vector, start: int, place: Vector, cosine: float, sine: float
 
 
 @compiled
+def put_at(c: Vector, place_m: Triple, heading_rad: float) -> None:
+    """Move one row (SIZE,), as `placed_rows` does."""
+    cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
+    # Hips and feet are places in world; all else turns with the hips.
+    _move_point(c, p.HIPS, place_m, cosine, sine)
+    c[p.HIPS_YAW] += heading_rad
+    c[p.FRONT] += heading_rad
+    for side in range(2):
+        start = p.LEG + side * p.LEG_SIZE
+        _move_point(c, start + p.ANKLE, place_m, cosine, sine)
+        c[start + p.FOOT_YAW] += heading_rad
+
+
+@compiled
 def placed_rows(controls: Vector, place_m: Vector, heading_rad: Vector) -> None:
     """Move rows (n, SIZE) to places (n, 3) on the floor and headings (n,), left of −z."""
     for r in range(controls.shape[0]):
-        c, heading = controls[r], heading_rad[r]
-        cosine, sine = np.cos(heading), np.sin(heading)
-        # Hips and feet are places in world; all else turns with the hips.
-        _move_point(c, p.HIPS, place_m[r], cosine, sine)
-        c[p.HIPS_YAW] += heading
-        c[p.FRONT] += heading
-        for side in range(2):
-            start = p.LEG + side * p.LEG_SIZE
-            _move_point(c, start + p.ANKLE, place_m[r], cosine, sine)
-            c[start + p.FOOT_YAW] += heading
+        put_at(controls[r], triple_of(place_m[r]), heading_rad[r])
 
 
 @compiled

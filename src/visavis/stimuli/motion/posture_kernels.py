@@ -384,6 +384,13 @@ def _arm(
 
 
 @compiled
+def head_turn(c: Vector, own: Vector, turns: Vector, world: Vector, place: Vector) -> Quat:
+    """Return how the head of a posture is turned; the others are work space (JOINTS rows)."""
+    _trunk(c, own, turns, world, place)
+    return quat_of(world[p.J_HEAD])
+
+
+@compiled
 def look_from(
     controls: Vector,
     offsets: Vector,
@@ -446,9 +453,11 @@ def _limbs(c: Vector, own: Vector, world: Vector, place: Vector, turns: Vector) 
 
 
 @compiled
-def pose_but_fingers(c: Vector, own: Vector, turns: Vector) -> None:
-    """Write the turns (JOINTS, 4) of trunk, head, legs and arms of a posture; no others."""
-    world, place = np.empty((p.JOINTS, 4)), np.empty((p.JOINTS, 3))
+def pose_but_fingers(c: Vector, own: Vector, turns: Vector, world: Vector, place: Vector) -> None:
+    """Write the turns (JOINTS, 4) of trunk, head, legs and arms of a posture; no others.
+
+    `world` and `place` are work space (JOINTS rows).
+    """
     _trunk(c, own, turns, world, place)
     _limbs(c, own, world, place, turns)
 
