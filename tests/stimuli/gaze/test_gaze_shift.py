@@ -16,7 +16,7 @@ from visavis.lab.geometry import (
 )
 from visavis.stimuli.characters.character import MORPHS
 from visavis.stimuli.gaze.gaze_plan import GazePlan, LookAt
-from visavis.stimuli.gaze.gaze_shift_kernels import shares_rad
+from visavis.stimuli.gaze.gaze_shift_kernels import LONGEST_TURN_S, shares_rad, turn_to
 from visavis.stimuli.gaze.turning import Aimed
 from visavis.stimuli.motion.build import Build, build_of_skeleton
 from visavis.stimuli.motion.errors import MotionError
@@ -217,6 +217,18 @@ def test_a_small_step_of_the_target_is_a_small_step_of_trunk_and_head(
     beside = (yaw + aside + np.pi) % (2.0 * np.pi) - np.pi
     step = np.array(shares_rad(beside, pitch + up, seed)) - turns
     assert 6.0 * float(np.hypot(aside, up)) + 1e-12 >= float(np.abs(step).max())
+
+
+def test_nothing_is_left_of_a_look_after_the_longest_turn_to_the_next() -> None:
+    rng = np.random.default_rng(1)
+    rest = (1.0, 0.0, 0.0, 0.0)
+    for person in range(2000):
+        looks = np.column_stack([[-9.0, 0.0], unit(rng.normal(size=(2, 3))), np.full(2, np.inf)])
+        just_before_s = np.nextafter(LONGEST_TURN_S, 0.0)
+
+        alone = turn_to(just_before_s, looks[1:], rest, person)
+
+        assert alone == pytest.approx(turn_to(just_before_s, looks, rest, person), abs=1e-15)
 
 
 def test_somebody_passing_behind_does_not_make_the_head_jump() -> None:

@@ -34,6 +34,8 @@ AROUND, POINT, PERSON, OBSERVER, ASIDE = 0, 1, 2, 3, 4
 radians from the front of the body)."""
 RECENT = 5
 """Number of earlier shifts that a body may still be completing."""
+LONGEST_TURN_S = 2.0
+"""Head and trunk have reached any target after this long, whoever turns; the eyes do sooner."""
 AROUND_MEAN_S = 2.6
 BLINK_MEAN_S = 3.75
 EVOKES_BLINK_RAD = np.radians(33.0)
@@ -226,11 +228,15 @@ def turn_to(t_s: float, looks: Vector, head_wxyz: Quat, person: int) -> Triple:
     lag = 0.03 + 0.05 * chance(person, 213, 0)
     slow = 0.85 + 0.4 * chance(person, 214, 0)
     trunk, head, nod = 0.0, 0.0, 0.0
-    for i in range(looks.shape[0]):
+    # Nothing is left of what came before a turn that has ended.
+    first = looks.shape[0] - 1
+    while first > 0 and t_s - looks[first, 0] < LONGEST_TURN_S:
+        first -= 1
+    for i in range(first, looks.shape[0]):
         target = rotate_vector(to_head, (looks[i, 1], looks[i, 2], looks[i, 3]))
         pitch = np.arcsin(min(1.0, max(-1.0, target[1])))
         goal = shares_rad(np.arctan2(-target[0], -target[2]), pitch, person)
-        if i == 0:
+        if i == first:
             trunk, head, nod = goal
             continue
         since = t_s - looks[i, 0]
