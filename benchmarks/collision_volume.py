@@ -35,7 +35,6 @@ from visavis.analysis.collisions.pair import in_shadow, longest_side
 from visavis.analysis.collisions.spans import CrossingBuffers, Surface, cast
 from visavis.analysis.collisions.tiles import (
     Lattice,
-    over,
     reach,
     spread,
     tiles_across,
@@ -164,16 +163,11 @@ def columns_of(pair: Pair, cell_m: float = CELL_M) -> Columns:
         deep, tall = np.full(tiles, np.inf), np.full(tiles, -np.inf)
         place, first = to_lattice(corners, lattice, deep, tall)
         deep, tall = spread(deep, across, -1.0), spread(tall, across, 1.0)
-        far = np.zeros(len(corners), np.uint8)
-        near = reach(place, first, faces, n_u, n_v, deep, tall, far)
+        near = reach(place, first, faces, n_u, n_v, deep, tall)
         least, most = np.maximum(least, deep), np.minimum(most, tall)
-        parts.append((place, first, faces, near, far))
+        parts.append(Surface(place, first, faces, near))
     most[least >= most] = -np.inf
-    a, b = (
-        Surface(place, first, faces, near, over(place, first, n_u, most, far))
-        for place, first, faces, near, far in parts
-    )
-    return Columns((a, b), lattice, least, most)
+    return Columns((parts[0], parts[1]), lattice, least, most)
 
 
 def cross_columns(columns: Columns) -> int:

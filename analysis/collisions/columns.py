@@ -10,7 +10,6 @@ from visavis.analysis.collisions.tiles import (
     TILE,
     Crossings,
     Lattice,
-    over,
     reach,
     spread,
     tile_of,
@@ -144,10 +143,8 @@ def columns_in_both(
     place_b, first_b = to_lattice(vertices_b, lattice, low_b, high_b)
     low_a, high_a = spread(low_a, across, -1.0), spread(high_a, across, 1.0)
     low_b, high_b = spread(low_b, across, -1.0), spread(high_b, across, 1.0)
-    far_a = np.zeros(vertices_a.shape[0], np.uint8)
-    far_b = np.zeros(vertices_b.shape[0], np.uint8)
-    candidates_a = reach(place_a, first_a, faces_a, n_u, n_v, low_a, high_a, far_a)
-    candidates_b = reach(place_b, first_b, faces_b, n_u, n_v, low_b, high_b, far_b)
+    candidates_a = reach(place_a, first_a, faces_a, n_u, n_v, low_a, high_a)
+    candidates_b = reach(place_b, first_b, faces_b, n_u, n_v, low_b, high_b)
     live = np.empty((2, 3))
     live[0], live[1] = np.inf, -np.inf
     # 2. `live` is the box of all tiles in which the heights of both bodies overlap.
@@ -163,10 +160,8 @@ def columns_in_both(
         live[0, 2], live[1, 2] = min(live[0, 2], low_a[k]), max(live[1, 2], high_a[k])
     if not live[0, 0] < live[1, 0]:
         return np.empty(0, np.int32), np.empty((0, 2)), live
-    over_a = over(place_a, first_a, n_u, high_a, far_a)
-    over_b = over(place_b, first_b, n_u, high_a, far_b)
-    surface_a = Surface(place_a, first_a, faces_a, candidates_a, over_a)
-    surface_b = Surface(place_b, first_b, faces_b, candidates_b, over_b)
+    surface_a = Surface(place_a, first_a, faces_a, candidates_a)
+    surface_b = Surface(place_b, first_b, faces_b, candidates_b)
     # 3. Cast both surfaces. `n` counts on when the buffers are full, so that a second round, if one
     # is needed, has exactly the room.
     while True:

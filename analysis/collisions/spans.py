@@ -51,8 +51,6 @@ class Surface(NamedTuple):
     faces: Faces
     candidates: Crossings
     """Those faces that may meet a column."""
-    above: npt.NDArray[np.uint8]
-    """(n,) 1 for vertices above all heights that matter."""
 
 
 class CrossingBuffers(NamedTuple):
@@ -70,25 +68,40 @@ class CrossingBuffers(NamedTuple):
 def rows_of_faces(
     surface: Surface,
     start: int,
+    n_u: int,
     n_v: int,
+    high_w: Vector,
     face: Crossings,
     row: Crossings,
 ) -> tuple[int, int]:
     """Write faces and the rows they meet until the buffers are full; return how many, and the
     place in `candidates` to go on from.
 
-    Faces whose corners all lie `above` are left out. Buffers hold four rows more than there are.
+    Faces above the heights that matter, `high_w`, in all tiles they cover are left out, but for
+    faces longer than a tile. Buffers hold four rows more than there are.
     """
-    first, faces = surface.first, surface.faces
-    candidates, above = surface.candidates, surface.above
+    place, first, faces = surface.place, surface.first, surface.faces
+    candidates = surface.candidates
+    across = tiles_across(n_u)
     room = face.shape[0] - 4
     n = 0
     for i in range(start, candidates.shape[0]):
         f = candidates[i]
         a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
         ra, rb, rc = int(first[a, 1]), int(first[b, 1]), int(first[c, 1])
-        low = max(min(ra, rb, rc), 0)
-        k = (min(max(ra, rb, rc), n_v) - low) * (1 - int(above[a] & above[b] & above[c]))
+        ca, cb, cc = int(first[a, 0]), int(first[b, 0]), int(first[c, 0])
+        low, past = max(min(ra, rb, rc), 0), min(max(ra, rb, rc), n_v)
+        begin, end = max(min(ca, cb, cc), 0), min(max(ca, cb, cc), n_u)
+        # No longer than a tile, it covers two by two of them at most.
+        first_u, last_u = (begin + MARGIN) >> TILE, (end - 1 + MARGIN) >> TILE
+        first_v, last_v = ((low + MARGIN) >> TILE) * across, ((past - 1 + MARGIN) >> TILE) * across
+        highest = max(
+            max(high_w[np.uint32(first_v + first_u)], high_w[np.uint32(first_v + last_u)]),
+            max(high_w[np.uint32(last_v + first_u)], high_w[np.uint32(last_v + last_u)]),
+        )
+        is_above = min(place[a, 2], place[b, 2], place[c, 2]) >= highest
+        is_short = (past - low <= MARGIN) & (end - begin <= MARGIN)
+        k = (past - low) * (1 - int(is_above & is_short))
         if n + k > room:
             return n, i
         for j in range(4):  # most triangles meet no more rows; writing four always saves a branch
@@ -170,7 +183,7 @@ def cast(
     span, ends = np.empty((most, 3), np.int32), np.empty((most, 4))
     start = 0
     while start < surface.candidates.shape[0]:
-        n, start = rows_of_faces(surface, start, n_v, face, row)
+        n, start = rows_of_faces(surface, start, n_u, n_v, high_w, face, row)
         n = spans_of(surface, face, row, n, n_u, span, ends)
         n_crossings = cross(
             span[:n], ends[:n], n_u, low_w, high_w, below, buffers, n_crossings, body

@@ -119,12 +119,11 @@ def reach(
     n_v: int,
     low_w: Vector,
     high_w: Vector,
-    far: npt.NDArray[np.uint8],
 ) -> Crossings:
     """Return the faces that may meet a column; make tiles under long faces as deep as these.
 
     A face no longer than a tile lies within the tiles next to each of its corners; longer ones
-    are entered here, after heights were spread to neighbours, and their corners marked in `far`.
+    are entered here, after heights were spread to neighbours.
     """
     candidates = np.empty(faces.shape[0] + 1, np.int32)
     across = tiles_across(n_u)
@@ -144,7 +143,6 @@ def reach(
         if near and (past_row - row >= MARGIN or end - begin >= MARGIN):
             low = min(place[a, 2], place[b, 2], place[c, 2])
             high = max(place[a, 2], place[b, 2], place[c, 2])
-            far[a] = far[b] = far[c] = 1
             first_u = (max(begin, 0) + MARGIN) >> TILE
             past_u = ((min(end, n_u) + MARGIN) >> TILE) + 1
             first_v = (max(row, 0) + MARGIN) >> TILE
@@ -154,24 +152,3 @@ def reach(
                     low_w[tile] = min(low_w[tile], low)
                     high_w[tile] = max(high_w[tile], high)
     return candidates[:n]
-
-
-@compiled
-def over(
-    place: Vector,
-    first: npt.NDArray[np.int16],
-    n_u: int,
-    high_w: Vector,
-    far: npt.NDArray[np.uint8],
-) -> npt.NDArray[np.uint8]:
-    """Return (n,) 1 for vertices, `far` ones excepted, above the tiles next to them.
-
-    A face whose corners are all such is no longer than a tile and above every tile it is in.
-    """
-    across = tiles_across(n_u)
-    near = spread(high_w, across, 1.0)
-    above = np.empty(place.shape[0], np.uint8)
-    for k in range(place.shape[0]):
-        tile = np.uint32(tile_of(first[k, 0], first[k, 1], across))
-        above[k] = (place[k, 2] >= near[tile]) & (far[k] == 0)
-    return above
