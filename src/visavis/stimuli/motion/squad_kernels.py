@@ -1,7 +1,8 @@
 """Compiled Squad of many joints at many times.
 
 The two arcs between keys and between control points are known beforehand, so their angles are
-computed once (`arcs_of`); at a time only their sines are, by series that run on vectors of joints.
+computed once (`arcs_of`); at a time only their sines are, by a series that runs on vectors of
+joints.
 """
 
 import math
@@ -19,16 +20,12 @@ from visavis.stimuli.motion.slerp_kernels import (
     terms_of_series,
 )
 
+SIDE_BY_SIDE = 8
+"""As many joints as a processor's widest vectors hold: what is left over is computed one by one."""
 MAX_ANGLE_RAD = 0.5 * math.pi + 1e-6
-"""Arcs up to here, half a turn of a joint, are computed by the series of sine and cosine."""
-S1, S2, S3, S4, S5, S6, S7, S8, S9, S10 = (
-    (-1.0) ** n / math.factorial(2 * n + 1) for n in range(1, 11)
-)
-"""sin x / x = 1 + S1 x² + S2 x⁴ and so on."""
-C1, C2, C3, C4, C5, C6, C7, C8, C9, C10, C11 = (
-    (-1.0) ** n / math.factorial(2 * n) for n in range(1, 12)
-)
-"""cos x = 1 + C1 x² + C2 x⁴ and so on."""
+"""Arcs up to here, half a turn of a joint, are computed by the series of the half angle's sine."""
+S1, S2, S3, S4, S5, S6, S7, S8 = ((-1.0) ** n / math.factorial(2 * n + 1) for n in range(1, 9))
+"""sin x / x = 1 + S1 x² + S2 x⁴ and so on; the next term is below 1e-19 at a quarter of pi."""
 
 
 def arcs_of(a: Vector, b: Vector) -> tuple[Vector, Vector]:
@@ -36,8 +33,11 @@ def arcs_of(a: Vector, b: Vector) -> tuple[Vector, Vector]:
 
     The first array (segments, 8, joints) holds a and b component by component; the second
     (segments, 3, joints) the angle w squared, w cot w and w / sin w, infinite where the arc is
-    too long for the series.
+    too long for the series. Joints that rest are added up to a multiple of `SIDE_BY_SIDE`.
     """
+    rest = np.zeros((a.shape[0], -a.shape[1] % SIDE_BY_SIDE, 4))
+    rest[..., 0] = 1.0
+    a, b = np.concatenate([a, rest], axis=1), np.concatenate([b, rest], axis=1)
     ends = np.ascontiguousarray(np.concatenate([a, b], axis=-1).transpose(0, 2, 1))
     w = 2 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
     sinc, cosine = np.sinc(w / np.pi), np.cos(w)
@@ -51,14 +51,14 @@ def arcs_of(a: Vector, b: Vector) -> tuple[Vector, Vector]:
 def _arc_row(ends: Vector, angles: Vector, h: float, out: Vector) -> None:
     """Interpolate one segment's joints at share h; `ends` (8, joints), `out` (4, joints)."""
     for j in range(ends.shape[1]):
-        # Sines by series in the squared angle: no call and no branch, so joints go side by side.
-        y = h * h * angles[0, j]
-        sine = 1.0 + y * (S1 + y * (S2 + y * (S3 + y * (S4 + y * (S5 + y * (S6 + y * (
-            S7 + y * (S8 + y * (S9 + y * S10)))))))))  # fmt: skip
-        cosine = 1.0 + y * (C1 + y * (C2 + y * (C3 + y * (C4 + y * (C5 + y * (C6 + y * (
-            C7 + y * (C8 + y * (C9 + y * (C10 + y * C11))))))))))  # fmt: skip
-        share = h * sine
-        u = cosine - share * angles[1, j]
+        # By a series in the half angle squared, from whose sine both others follow: no call and no
+        # branch, so joints go side by side.
+        y = 0.25 * h * h * angles[0, j]
+        half = 1.0 + y * (S1 + y * (S2 + y * (S3 + y * (S4 + y * (S5 + y * (S6 + y * (
+            S7 + y * S8)))))))  # fmt: skip
+        square = y * half * half
+        share = h * half * np.sqrt(1.0 - square)
+        u = 1.0 - 2.0 * square - share * angles[1, j]
         v = share * angles[2, j]
         out[0, j] = u * ends[0, j] + v * ends[4, j]
         out[1, j] = u * ends[1, j] + v * ends[5, j]
@@ -90,7 +90,7 @@ def squad_segments(
         n_terms, n_long = terms_of_series(x, is_within)
         series_row(1.0 - k, n_terms, x, terms, u)
         series_row(k, n_terms, x, terms, v)
-        for j in range(n):
+        for j in range(out.shape[1]):
             # Four numbers that lie together are written together.
             one, other = u[j], v[j]
             out[r, j, 0] = one * p[0, j] + other * c[0, j]
@@ -100,7 +100,7 @@ def squad_segments(
         if n_long == 0:
             continue
         # The few joints with long arcs, or beyond the segment, take the exact way.
-        for j in range(n):
+        for j in range(out.shape[1]):
             if is_within and x[j] > LONG_SERIES_DOT - 1.0:
                 continue
             a = slerp_one(
