@@ -11,6 +11,7 @@ import numpy as np
 
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
+from visavis.stimuli.motion.rhythm_kernels import S1, S2, S3, S4, S5, S6, S7, S8
 from visavis.stimuli.motion.slerp_kernels import (
     LONG_SERIES_DOT,
     MAX_TERMS,
@@ -23,9 +24,9 @@ from visavis.stimuli.motion.slerp_kernels import (
 SIDE_BY_SIDE = 8
 """As many joints as a processor's widest vectors hold: what is left over is computed one by one."""
 MAX_ANGLE_RAD = 0.5 * math.pi + 1e-6
-"""Arcs up to here, half a turn of a joint, are computed by the series of the half angle's sine."""
-S1, S2, S3, S4, S5, S6, S7, S8 = ((-1.0) ** n / math.factorial(2 * n + 1) for n in range(1, 9))
-"""sin x / x = 1 + S1 x² + S2 x⁴ and so on; the next term is below 1e-19 at a quarter of pi."""
+"""Arcs up to here, half a turn of a joint, are computed by the series of the half angle's sine; the
+term after `S8` is below 1e-19 there.
+"""
 
 
 def arcs_of(a: Vector, b: Vector) -> tuple[Vector, Vector]:
