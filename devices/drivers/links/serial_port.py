@@ -124,7 +124,8 @@ class SerialLink:
             raise DeviceDisconnected("the port is closed", remedy=self._remedy)
         try:
             with self._writing:
-                rest = data if self._fd is None else data[_write_at_once(self._fd, data) :]
+                fd = self._fd
+                rest = data if fd is None else data[_write_at_once(fd, data) :]
                 if rest:
                     port.write(rest)
         except self._library.SerialTimeoutException as cause:
@@ -139,12 +140,12 @@ class SerialLink:
 
     def read(self, timeout_s: float) -> Sequence[Chunk]:
         """Return what came; see `ByteLink`."""
-        port = self._serial
+        port, fd = self._serial, self._fd
         if port is None:
             raise DeviceDisconnected("the port is closed", remedy=self._remedy)
         try:
-            if self._fd is not None:
-                data = _read_at_once(self._fd, timeout_s)
+            if fd is not None:
+                data = self._read_at_once(fd, timeout_s)
             else:
                 if port.timeout != timeout_s:
                     port.timeout = timeout_s
@@ -156,7 +157,7 @@ class SerialLink:
         if not data:
             return ()
         stamp_ns = self._clock.now_ns()
-        if self._fd is None:
+        if fd is None:
             with contextlib.suppress(self._library.SerialException, OSError, TypeError):
                 # earlier bytes count; the next call raises at the end of the link
                 if waiting := port.in_waiting:
@@ -174,6 +175,20 @@ class SerialLink:
             if url_socket is not None:
                 url_socket.close()
 
+    def _read_at_once(self, fd: int, timeout_s: float) -> bytes:
+        """Return what has come, after a wait for the first byte; OSError at the port's end."""
+        if not select.select((fd,), (), (), max(0.0, timeout_s))[0]:
+            return b""
+        if self._fd != fd:  # a closed descriptor may be that of another file by now
+            raise OSError("the port was closed")
+        try:
+            data = os.read(fd, MAX_BYTES)
+        except BlockingIOError:
+            return b""
+        if not data:
+            raise OSError("ready to be read, but nothing is there")
+        return data
+
 
 def _write_at_once(fd: int, data: bytes) -> int:
     """Return how many bytes a port takes without waiting."""
@@ -181,19 +196,6 @@ def _write_at_once(fd: int, data: bytes) -> int:
         return os.write(fd, data)
     except BlockingIOError:
         return 0
-
-
-def _read_at_once(fd: int, timeout_s: float) -> bytes:
-    """Return what has come, after a wait for the first byte; raises OSError at the port's end."""
-    if not select.select((fd,), (), (), max(0.0, timeout_s))[0]:
-        return b""
-    try:
-        data = os.read(fd, MAX_BYTES)
-    except BlockingIOError:
-        return b""
-    if not data:
-        raise OSError("ready to be read, but nothing is there")
-    return data
 
 
 def serial_port(baud: int | None = None) -> Callable[[Site[Any]], ByteLink]:

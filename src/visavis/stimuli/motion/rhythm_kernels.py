@@ -47,8 +47,9 @@ def sine_of_turns(x: float) -> float:
     quarter = rest if abs(rest) <= 0.25 else math.copysign(0.5, rest) - rest
     z = 2.0 * np.pi * quarter
     y = z * z
-    return float(z * (1.0 + y * (S1 + y * (S2 + y * (S3 + y * (S4 + y * (S5 + y * (S6 + y * (
-        S7 + y * (S8 + y * (S9 + y * S10)))))))))))  # fmt: skip
+    tail = S6 + y * (S7 + y * (S8 + y * (S9 + y * S10)))
+    series = S1 + y * (S2 + y * (S3 + y * (S4 + y * (S5 + y * tail))))
+    return float(z * (1.0 + y * series))
 
 
 @compiled
