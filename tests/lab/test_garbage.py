@@ -26,7 +26,7 @@ def test_python_looks_for_no_garbage_while_a_module_that_stays_is_imported(modul
 
 def test_later_looks_for_garbage_pass_over_a_module_that_stays(module: str) -> None:
     objects = import_to_stay(module).OBJECTS
-    assert not any(objects is found for found in gc.get_objects())
+    assert not any(objects is thing for thing in gc.get_objects())
 
 
 def test_python_looks_for_garbage_again_after_a_module_that_ends_in_an_error(
@@ -43,4 +43,4 @@ def test_garbage_that_is_there_when_a_module_is_asked_for_again_is_found(module:
     objects: list[object] = []
     objects.append(objects)
     import_to_stay(module)
-    assert any(objects is found for found in gc.get_objects())
+    assert any(objects is thing for thing in gc.get_objects())

@@ -118,8 +118,8 @@ def test_a_file_that_was_hashed_after_writing_had_failed_is_read(tmp_path: Path)
     manifest = read_manifest(session)
     (part,) = manifest.parts
     (summary,) = part.streams
-    found = replace(summary, sha256=sha256_of(stream), closed_cleanly=False)
-    write_manifest(session, manifest.with_part(replace(part, streams=(found,))))
+    hashed_late = replace(summary, sha256=sha256_of(stream), closed_cleanly=False)
+    write_manifest(session, manifest.with_part(replace(part, streams=(hashed_late,))))
     assert damage_of(Recording(session)).is_damaged
 
 

@@ -184,3 +184,23 @@ def test_a_reason_for_what_parameters_leave_out_is_no_mistake(
         printed_orders_of(StudyExperiment(study))
     less = StudyExperiment(study, {"gesture": ["beat", "iconic"]})
     assert name not in {o.name for o in printed_orders_of(less)}
+
+
+@pytest.mark.parametrize(
+    ("order", "name"),
+    [
+        (PrintedOrder("run > 0.5", "hits", "p. 1"), "hits: run > 0.5"),
+        (PrintedOrder("a > b", "dwell_ms", "p. 1", factor="gaze"), "dwell_ms by gaze: a > b"),
+        (
+            PrintedOrder("a > b", "x", "p. 1", "gaze", gain=("side", "left", "right")),
+            "x by gaze; side left minus right: a > b",
+        ),
+        (
+            PrintedOrder("a > b", "x", "p. 1", "gaze", only={"part": 2}, conditions=("age >= 30",)),
+            "x by gaze: a > b (part 2, age >= 30)",
+        ),
+        (PrintedOrder("a > b", "x", "p. 1", "gaze", words="a before b"), "a before b"),
+    ],
+)
+def test_a_printed_order_is_named_by_what_it_says_alone(order: PrintedOrder, name: str) -> None:
+    assert name == order.name

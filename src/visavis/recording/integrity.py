@@ -147,11 +147,11 @@ def confirm_report(recording: Recording) -> None:
     """
     if not recording.has_met_problems:
         return
-    found = _damage_of(Recording(recording.path), reads_all=True)
-    if found != damage_of(recording):
+    report_now = _damage_of(Recording(recording.path), reads_all=True)
+    if report_now != damage_of(recording):
         raise DataError(
             f"{recording.path} was damaged or changed after its files had been verified: "
-            f"{'; '.join(found.summary()) or 'nothing is missing now'}; give the same command "
+            f"{'; '.join(report_now.summary()) or 'nothing is missing now'}; give the same command "
             "again; where that does not help, leave the person out (visavis exclude)"
         )
 

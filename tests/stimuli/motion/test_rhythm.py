@@ -11,9 +11,9 @@ def test_sine_of_turns_is_the_sine_to_the_last_digits() -> None:
     edges = np.concatenate([quarters, np.nextafter(quarters, -9.0), np.nextafter(quarters, 9.0)])
     turns = np.concatenate([edges, np.random.default_rng(1).uniform(-1.0, 1.0, 5000)])
 
-    found = np.array([sine_of_turns(x) for x in turns])
+    sines = np.array([sine_of_turns(x) for x in turns])
 
-    assert found == pytest.approx(np.sin(2.0 * np.pi * turns), abs=2e-15)
+    assert sines == pytest.approx(np.sin(2.0 * np.pi * turns), abs=2e-15)
 
 
 def test_sine_of_turns_repeats_with_every_turn() -> None:
