@@ -9,7 +9,7 @@ import pickle
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from visavis.lab.garbage import import_to_stay
@@ -43,5 +43,7 @@ def begin_worker(module: str) -> None:
     Ctrl-C reaches a terminal's whole group; it ends work by way of the parent alone.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A module that cannot be imported is named by the first job; here it would end the process.
     if module != "__main__":  # which is another module here
-        import_to_stay(module)
+        with suppress(ImportError):
+            import_to_stay(module)

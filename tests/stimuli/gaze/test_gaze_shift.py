@@ -16,7 +16,7 @@ from visavis.lab.geometry import (
 )
 from visavis.stimuli.characters.character import MORPHS
 from visavis.stimuli.gaze.gaze_plan import GazePlan, LookAt
-from visavis.stimuli.gaze.gaze_shift_kernels import LONGEST_TURN_S, shares_rad, turn_to
+from visavis.stimuli.gaze.gaze_shift_kernels import MAX_TURN_S, shares_rad, turn_to
 from visavis.stimuli.gaze.turning import Aimed
 from visavis.stimuli.motion.build import Build, build_of_skeleton
 from visavis.stimuli.motion.errors import MotionError
@@ -224,7 +224,7 @@ def test_nothing_is_left_of_a_look_after_the_longest_turn_to_the_next() -> None:
     rest = (1.0, 0.0, 0.0, 0.0)
     for person in range(2000):
         looks = np.column_stack([[-9.0, 0.0], unit(rng.normal(size=(2, 3))), np.full(2, np.inf)])
-        just_before_s = np.nextafter(LONGEST_TURN_S, 0.0)
+        just_before_s = np.nextafter(MAX_TURN_S, 0.0)
 
         alone = turn_to(just_before_s, looks[1:], rest, person)
 

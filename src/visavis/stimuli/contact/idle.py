@@ -13,7 +13,7 @@ from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.figures import Figures, crowd_figures
-from visavis.stimuli.gaze.gaze_shift_kernels import LONGEST_TURN_S, RECENT, glance_around, turn_to
+from visavis.stimuli.gaze.gaze_shift_kernels import MAX_TURN_S, RECENT, glance_around, turn_to
 from visavis.stimuli.motion import posture as p
 from visavis.stimuli.motion.gesture_kernels import phone_but_fingers
 from visavis.stimuli.motion.kinds import Idle, Kind, Phone
@@ -129,7 +129,7 @@ def idle_turns(person: Vector, t_s: float, figures: Figures, room: Workspace) ->
     # Where people look follows from how the head is turned, so the trunk is posed first.
     head = head_turn(c, offsets, turns, room.trunk_world, room.trunk_m)
     attend = c[p.ATTEND : p.ATTEND + 3]
-    n_looks = glance_around(t_s - LONGEST_TURN_S, t_s, seed, c[p.FRONT], attend, room.looks, 0)
+    n_looks = glance_around(t_s - MAX_TURN_S, t_s, seed, c[p.FRONT], attend, room.looks, 0)
     trunk_yaw, head_yaw, head_pitch = turn_to(t_s, room.looks[:n_looks], head, seed)
     c[p.TRUNK_YAW] += trunk_yaw
     c[p.HEAD_YAW] += head_yaw

@@ -34,7 +34,7 @@ AROUND, POINT, PERSON, OBSERVER, ASIDE = 0, 1, 2, 3, 4
 radians from the front of the body)."""
 RECENT = 5
 """Number of earlier shifts that a body may still be completing."""
-LONGEST_TURN_S = 2.0
+MAX_TURN_S = 2.0
 """Head and trunk have reached any target after this long, whoever turns; the eyes do sooner."""
 AROUND_MEAN_S = 2.6
 BLINK_MEAN_S = 3.75
@@ -230,7 +230,7 @@ def turn_to(t_s: float, looks: Vector, head_wxyz: Quat, person: int) -> Triple:
     trunk, head, nod = 0.0, 0.0, 0.0
     # Nothing is left of what came before a turn that has ended.
     first = looks.shape[0] - 1
-    while first > 0 and t_s - looks[first, 0] < LONGEST_TURN_S:
+    while first > 0 and t_s - looks[first, 0] < MAX_TURN_S:
         first -= 1
     for i in range(first, looks.shape[0]):
         target = rotate_vector(to_head, (looks[i, 1], looks[i, 2], looks[i, 3]))

@@ -55,8 +55,8 @@ def _arc_row(ends: Vector, angles: Vector, h: float, out: Vector) -> None:
         # By a series in the half angle squared, from whose sine both others follow: no call and no
         # branch, so joints go side by side.
         y = 0.25 * h * h * angles[0, j]
-        half = 1.0 + y * (S1 + y * (S2 + y * (S3 + y * (S4 + y * (S5 + y * (S6 + y * (
-            S7 + y * S8)))))))  # fmt: skip
+        tail = S5 + y * (S6 + y * (S7 + y * S8))
+        half = 1.0 + y * (S1 + y * (S2 + y * (S3 + y * (S4 + y * tail))))
         square = y * half * half
         share = h * half * np.sqrt(1.0 - square)
         u = 1.0 - 2.0 * square - share * angles[1, j]
