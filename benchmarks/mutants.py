@@ -188,17 +188,23 @@ def importers_in(modules: Mapping[str, SourceFile]) -> dict[str, set[str]]:
 
 
 def nearest_tests(module: str, importers: Mapping[str, set[str]]) -> list[str]:
-    """Return the test files nearest to a module by imports, then by the words of their names."""
+    """Return the test files nearest to a module by imports, then by the words of their names.
+
+    After those that import it, however far off, come those that share words with its name: a
+    command or a driver that is loaded by its name is imported by nobody.
+    """
     distance, edge = {module: 0}, [module]
     while edge:
         above = {name for below in edge for name in importers.get(below, ())} - set(distance)
         distance |= dict.fromkeys(above, distance[edge[0]] + 1)
         edge = sorted(above)
-    words = _words(module)
+    words, beyond = _words(module), len(distance) + 1
+    sources = {name for several in importers.values() for name in several}
     ranked = sorted(
-        (distance[name], -len(words & _words(name)), f"{name.replace('.', '/')}.py")
-        for name in distance
+        (distance.get(name, beyond), -len(words & _words(name)), f"{name.replace('.', '/')}.py")
+        for name in sources
         if name.startswith("tests.") and name.rpartition(".")[2].startswith("test_")
+        if name in distance or words & _words(name)
     )
     return [file for *_, file in ranked if not file.startswith(SLOW_TO_START)][
         : FILES_RUN + FURTHER_FILES

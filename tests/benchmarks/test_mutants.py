@@ -86,6 +86,15 @@ def test_the_nearest_tests_are_those_that_import_a_module_then_those_that_share_
     assert ["tests/test_gaze.py", "tests/test_any.py", "tests/test_far.py"] == nearest
 
 
+def test_a_module_that_nobody_imports_is_tried_by_tests_that_share_its_words() -> None:
+    importers = {
+        "visavis.lab.clock": {"tests.lab.test_clock", "tests.devices.bands.test_wiring"},
+        "visavis.devices.own": {"tests.devices.test_own", "tests.devices.wires"},
+    }
+    nearest = nearest_tests("visavis.devices.bands.wiring", importers)
+    assert ["tests/devices/bands/test_wiring.py", "tests/devices/test_own.py"] == nearest
+
+
 def test_a_test_that_fails_without_a_mutant_kills_none() -> None:
     outcomes = [
         Outcome("visavis.lab.a:1 a < b => (a <= b)", "first", "t.py::test_1", ("t.py",), 1.0),
