@@ -30,7 +30,7 @@ from visavis.analysis.statistics.results import (
     f_text,
     p_text,
 )
-from visavis.analysis.statistics.sphericity import Sphericity, sphericity
+from visavis.analysis.statistics.sphericity import Sphericity, p_at_epsilon, sphericity
 from visavis.analysis.statistics.strata import Strata, Stratum
 
 Correction: TypeAlias = Literal["mauchly", "gg", "hf", "none"]
@@ -316,13 +316,20 @@ def p_of_stratum(s: Stratum, design: Design, correction: Correction) -> float:
     if s.ss == 0 or s.ss_error == 0:
         return 1.0 if s.ss == 0 else 0.0
     F = (s.ss / s.df1) / (s.ss_error / s.df2)
-    return _report(float(special.fdtrc(s.df1, s.df2, F)), _sphericity_of(s, design, F), correction)[
-        1
-    ]
+    if correction == "mauchly":
+        p = float(special.fdtrc(s.df1, s.df2, F))
+        return _report(p, _sphericity_of(s, design, F), correction)[1]
+    if correction == "none" or not _has_sphericity(s, design):
+        return float(special.fdtrc(s.df1, s.df2, F))
+    return p_at_epsilon(s.errors, s.errors.shape[0] - s.n_groups, F, s.df1, correction)
+
+
+def _has_sphericity(s: Stratum, design: Design) -> bool:
+    return any(f.name in s.term for f in design.within) and s.errors.shape[1] >= 2
 
 
 def _sphericity_of(s: Stratum, design: Design, F: float) -> Sphericity | None:
-    if not any(f.name in s.term for f in design.within) or s.errors.shape[1] < 2:
+    if not _has_sphericity(s, design):
         return None
     cells = math.prod(f.k for f in design.within)
     return sphericity(s.errors, s.errors.shape[0] - s.n_groups, F, s.df1, n_cells=cells)

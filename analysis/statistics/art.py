@@ -217,27 +217,18 @@ def _alignment_check(
 ) -> AlignmentCheck:
     """Check aligned columns: sums, and the largest F of an effect they should not hold."""
     sums = {term: float(column.sum()) for term, column in columns.items()}
+    varying = [of for of, column in columns.items() if column.max() != column.min()]
     largest = 0.0
-    for of, column in columns.items():
-        if column.max() == column.min():
-            continue
-        if strata is not None:
-            table = design.table(column)
-            tests = [strata.test(table, t) for t in design.terms if ":".join(t) != of]
-            values = [_f(s) for s in tests]
-        else:
-            values = [
-                e.F for e in mixed_effects(design, column, random="intercept") if e.name != of
-            ]
-        largest = max([largest, *values])
+    if strata is not None and varying:
+        F = strata.f_of_terms([design.table(columns[of]) for of in varying])
+        names = [":".join(term) for term in design.terms]
+        F[[names.index(of) for of in varying], range(len(varying))] = 0.0
+        largest = float(F.max())
+    elif varying:
+        for of in varying:
+            tests = mixed_effects(design, columns[of], random="intercept")
+            largest = max([largest, *(e.F for e in tests if e.name != of)])
     return AlignmentCheck(sums, largest)
-
-
-def _f(s: Stratum) -> float:
-    """Return F, 0 for no effect at all and infinity for an effect without error."""
-    if s.ss == 0:
-        return 0.0
-    return (s.ss / s.df1) / (s.ss_error / s.df2) if s.ss_error > 0 else float("inf")
 
 
 def _mixed(
@@ -258,8 +249,10 @@ def _tests(
 ) -> list[Stratum]:
     tests = []
     within = {f.name for f in design.within}
+    last, table = None, np.empty(0)
     for term, column in _by_term(design, columns):
-        table = design.table(column)
+        if column is not last:  # normal scores are one column for all terms
+            last, table = column, design.table(column)
         result = strata.test(table, term)
         if error == "pooled" and within & set(term):
             ss, df = strata.pooled_within_error(table)

@@ -1,5 +1,6 @@
 """Read a tidy frame as a factorial design, or say which row or cell is wrong."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -100,6 +101,8 @@ class Design:
     @cached_property
     def group_of_subject(self) -> tuple[Codes, ...]:
         """Level codes of the between factors, one entry per subject."""
+        if not self.between:
+            return ()
         first = np.unique(self.subject, return_index=True)[1]
         return tuple(f.codes[first] for f in self.between)
 
@@ -270,24 +273,21 @@ def levels_and_codes(
     """Return the levels of a label column and the code of every row."""
     categories = getattr(getattr(column, "cat", None), "categories", None)
     raw = as_column(column)
-    if raw.dtype.kind in "biuUS":
-        distinct, codes = np.unique(raw, return_inverse=True)
-        present: list[object] = distinct.tolist()
-    else:
-        values = raw.tolist()
+    values: list[Any] = raw.tolist()
+    if raw.dtype.kind not in "biuUS":
         for row, value in enumerate(values):
             if is_missing(value):
                 raise MissingValue(f"{name} is missing in row {row + 1}; every row needs its label")
-        try:
-            present = sorted(set(values))
-        except TypeError:
-            present = sorted(set(values), key=str)
-        place = {value: i for i, value in enumerate(present)}
-        codes = np.array([place[value] for value in values], dtype=np.intp)
+    try:
+        present: list[object] = sorted(set(values))
+    except TypeError:
+        present = sorted(set(values), key=str)
+    place = {value: i for i, value in enumerate(present)}
+    codes = np.fromiter(map(place.__getitem__, values), np.intp, len(values))
     if levels is None and categories is not None:
         levels = [c for c in categories.tolist() if c in set(present)]
     if levels is None:
-        return tuple(present), codes.astype(np.intp)
+        return tuple(present), codes
     level_list = list(levels)
     for value in present:
         if value not in level_list:
@@ -330,7 +330,7 @@ def _complete_design(
     within = [f for f in factors if f.is_within]
     shape = (len(ids), *(f.k for f in within))
     cell = np.ravel_multi_index((codes, *(f.codes for f in within)), shape)
-    counts = np.bincount(cell, minlength=int(np.prod(shape)))
+    counts = np.bincount(cell, minlength=math.prod(shape))
     if (counts > 1).any() and not allow_repeats:
         rows = np.flatnonzero(cell == int(np.argmax(counts > 1)))
         raise DuplicateCell(
@@ -340,7 +340,10 @@ def _complete_design(
         )
     # A cell is empty when none of its rows has a response, or it has no row.
     is_missing_row = np.isnan(y)
-    responses_per_cell = np.bincount(cell[~is_missing_row], minlength=counts.size)
+    has_gaps = bool(is_missing_row.any())
+    responses_per_cell = counts
+    if has_gaps:
+        responses_per_cell = np.bincount(cell[~is_missing_row], minlength=counts.size)
     is_empty_cell = responses_per_cell.reshape(len(ids), -1) == 0
     keep = ~is_missing_row
     exclusions: tuple[str, ...] = ()
@@ -358,9 +361,9 @@ def _complete_design(
                 f"subject {ids[s]}, {_cell_text(int(c), within)} (missing)"
                 for s, c in zip(*np.nonzero(is_empty_cell), strict=True)
             )
-    is_extra_gap = (
-        is_missing_row & ~is_empty_cell[codes, cell % is_empty_cell.shape[1]]
-    )  # other rows of the cell have a response
+    is_extra_gap = is_missing_row
+    if has_gaps:  # other rows of the cell have a response
+        is_extra_gap = is_missing_row & ~is_empty_cell[codes, cell % is_empty_cell.shape[1]]
     if is_extra_gap.any():
         row = int(np.flatnonzero(is_extra_gap)[0])
         if missing == "error":
@@ -375,19 +378,21 @@ def _complete_design(
                 "to use the rows that are there"
             )
         exclusions = (*exclusions, f"{int(is_extra_gap.sum())} rows without {dv}")
-    # Renumber the subjects that are left.
     kept_rows = np.flatnonzero(keep)
-    left, new_codes = np.unique(codes[kept_rows], return_inverse=True)
+    subjects, new_codes = ids, codes
+    if kept_rows.size < y.size:  # renumber the subjects that are left
+        left, new_codes = np.unique(codes[kept_rows], return_inverse=True)
+        subjects = tuple(ids[i] for i in left)
     design = Design(
         dv=dv,
         y=y[kept_rows],
         subject=new_codes,
-        subjects=tuple(ids[i] for i in left),
+        subjects=subjects,
         factors=tuple(Factor(f.name, f.levels, f.codes[kept_rows], f.is_within) for f in factors),
         rows=kept_rows,
         is_complete=missing != "mixed" or not is_empty_cell.any(),
         dropped=exclusions,
-        is_repeated=bool((np.bincount(cell[kept_rows]) > 1).any()),
+        is_repeated=bool((counts > 1).any() and (np.bincount(cell[kept_rows]) > 1).any()),
     )
     _refuse_too_little(design)
     return design
@@ -447,7 +452,7 @@ def _refuse_too_little(design: Design) -> None:
         raise ConstantResponse(
             f"{design.dv} is {design.y[0]:g} in all {design.y.size} rows; there is nothing to test"
         )
-    possible = int(np.prod([f.k for f in design.factors]))
+    possible = math.prod(f.k for f in design.factors)
     empty = np.flatnonzero(np.bincount(design.cells, minlength=possible) == 0)
     if empty.size:
         cell = design.cell_text(int(empty[0]))

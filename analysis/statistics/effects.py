@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -138,10 +139,12 @@ def eta_interval(
     if F * df1 > HUGE_NONCENTRALITY:
         bounds = [F * df1 * float(special.chdtri(df2, target)) / df2 for target in tails]
     else:
-        bounds = [
-            _solve_noncentrality(lambda nc: float(special.ncfdtr(df1, df2, nc, F)), tail, F * df1)
-            for tail in tails
-        ]
+        # Both bounds are looked for from the same ends.
+        @cache
+        def share_below(nc: float) -> float:
+            return float(special.ncfdtr(df1, df2, nc, F))
+
+        bounds = [_solve_noncentrality(share_below, tail, F * df1) for tail in tails]
     rows = df1 + df2 + 1 if cases is None else cases
     low, high = (b / (b + rows) for b in bounds)
     return Interval(float(low), float(high), level)

@@ -14,9 +14,12 @@ def average_ranks(values: Array) -> Array:
     rising = values[order]
     is_start = np.ones(values.size + 1, np.bool_)
     np.not_equal(rising[1:], rising[:-1], out=is_start[1:-1])
+    ranks = np.empty(values.size)
+    if is_start.all():  # no ties, as of most measures
+        ranks[order] = np.arange(1, values.size + 1)
+        return ranks
     bounds = np.flatnonzero(is_start)
     starts, ends = bounds[:-1], bounds[1:]
-    ranks = np.empty(values.size)
     ranks[order] = np.repeat((starts + ends + 1) / 2, ends - starts)
     return ranks
 

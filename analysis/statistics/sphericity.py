@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy import special
@@ -47,15 +48,7 @@ def sphericity(errors: Array, df: int, F: float, df1: int, *, n_cells: int) -> S
     − groups; `df1` the term's numerator df; `n_cells` the cells of all within factors.
     """
     q = errors.shape[1]
-    S = errors.T @ errors / df
-    # A handful of numbers: Python's own arithmetic costs less than calls for arrays. They are
-    # shares of the largest, because squares of small errors would be nothing.
-    eigenvalues: list[float] = np.linalg.eigvalsh(S).tolist()
-    if eigenvalues[-1] > 0:
-        eigenvalues = [value / eigenvalues[-1] for value in eigenvalues]
-    squares = q * sum(value**2 for value in eigenvalues)
-    gg = sum(eigenvalues) ** 2 / squares if squares > 0 else math.nan
-    hf = ((df + 1) * q * gg - 2) / (q * (df - q * gg)) if df > q * gg else float("inf")
+    eigenvalues, gg, hf = _epsilons(errors, df)
     df2 = df * q
     hf_used = min(1.0, hf)
     W = p = p_r = None
@@ -72,6 +65,30 @@ def sphericity(errors: Array, df: int, F: float, df1: int, *, n_cells: int) -> S
         p_gg=float(special.fdtrc(df1 * gg, df2 * gg, F)),
         p_hf=float(special.fdtrc(df1 * hf_used, df2 * hf_used, F)),
     )
+
+
+def p_at_epsilon(errors: Array, df: int, F: float, df1: int, rule: Literal["gg", "hf"]) -> float:
+    """Return p by Greenhouse-Geisser or Huynh-Feldt alone, as `sphericity` does."""
+    _, gg, hf = _epsilons(errors, df)
+    epsilon = gg if rule == "gg" else min(1.0, hf)
+    return float(special.fdtrc(df1 * epsilon, df * errors.shape[1] * epsilon, F))
+
+
+def _epsilons(errors: Array, df: int) -> tuple[list[float], float, float]:
+    """Return the eigenvalues of the error's covariance, rising, as shares of the largest, and the
+    epsilons of Greenhouse and Geisser and of Huynh and Feldt.
+    """
+    q = errors.shape[1]
+    S = errors.T @ errors / df
+    # A handful of numbers: Python's own arithmetic costs less than calls for arrays. They are
+    # shares of the largest, because squares of small errors would be nothing.
+    eigenvalues: list[float] = np.linalg.eigvalsh(S).tolist()
+    if eigenvalues[-1] > 0:
+        eigenvalues = [value / eigenvalues[-1] for value in eigenvalues]
+    squares = q * sum(value**2 for value in eigenvalues)
+    gg = sum(eigenvalues) ** 2 / squares if squares > 0 else math.nan
+    hf = ((df + 1) * q * gg - 2) / (q * (df - q * gg)) if df > q * gg else float("inf")
+    return eigenvalues, gg, hf
 
 
 def _mauchly_p(W: float, q: int, df: int, series_q: int) -> float:

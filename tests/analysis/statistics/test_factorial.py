@@ -6,8 +6,11 @@ from scipy import stats
 
 from tests.analysis.statistics.designs import mixed_frame, within_frame
 from visavis.analysis import statistics
+from visavis.analysis.statistics.anova import Correction
+from visavis.analysis.statistics.design import read_design
 from visavis.analysis.statistics.errors import UnknownMethod
 from visavis.analysis.statistics.gee import gee
+from visavis.analysis.statistics.strata import Strata
 
 WITHIN = {"subject": "subject", "within": ("A", "B")}
 MIXED = {"subject": "subject", "within": ("B",), "between": ("G",)}
@@ -255,3 +258,35 @@ def test_a_contrast_turned_round_turns_a_difference_and_inverts_a_ratio() -> Non
     assert 1 == pytest.approx(there.effect.value * back.effect.value)
     assert 1 == pytest.approx(there.effect.interval.low * back.effect.interval.high)
     assert 0 < back.effect.interval.low < back.effect.value
+
+
+@pytest.mark.parametrize(
+    "frame", [within_frame(5), mixed_frame(5, (5, 7)), mixed_frame(5, (4,) * 3)]
+)
+def test_f_of_all_terms_at_once_is_f_of_each(frame: dict[str, np.ndarray]) -> None:
+    design = read_design(frame, "y", **(MIXED if "G" in frame else WITHIN))
+    strata = Strata(design, "subject")
+    tables = [design.table(values) for values in (design.y, np.exp(design.y), 0 * design.y)]
+    each = [[strata.test(table, term) for table in tables] for term in design.terms]
+    expected = [
+        [(s.ss / s.df1) / (s.ss_error / s.df2) if s.ss else 0.0 for s in row] for row in each
+    ]
+    np.testing.assert_allclose(strata.f_of_terms(tables), expected, rtol=1e-10)
+
+
+def test_an_effect_without_error_has_an_infinite_f_in_the_check() -> None:
+    frame = within_frame(5)
+    frame["y"] = 1.0 * (frame["A"] == "a1")
+    design = read_design(frame, "y", **WITHIN)
+    assert [[np.inf], [0], [0]] == Strata(design, "subject").f_of_terms(
+        [design.table(design.y)]
+    ).tolist()
+
+
+@pytest.mark.parametrize("correction", ["none", "gg", "hf", "mauchly"])
+def test_the_second_opinion_is_p_of_the_other_transform(correction: Correction) -> None:
+    frame = within_frame(4, 10, (2, 4))
+    art = statistics.art_anova(frame, "y", correction=correction, **WITHIN)
+    scores = statistics.art_anova(frame, "y", correction=correction, transform="int", **WITHIN)
+    assert {e.name: e.p_used for e in scores.effects} == art.second_opinion
+    assert {e.name: e.p_used for e in art.effects} == scores.second_opinion
