@@ -356,8 +356,9 @@ def test_keys_that_are_no_rotations_are_refused(bad: list[float]) -> None:
 def test_wrong_segment_time_order_and_count_are_refused() -> None:
     times, keys = KeyTimes(np.array([0.0, 1.0])), np.tile([1.0, 0, 0, 0], (2, 1))
 
-    with pytest.raises(MotionError, match="segments"):
-        Slerp(times, keys).in_segment(1, 0.5)
+    for segment in (1, -1, [0, 1], [0, -1]):
+        with pytest.raises(MotionError, match="segments"):
+            Slerp(times, keys).in_segment(segment, 0.5)
     with pytest.raises(MotionError, match="not a number"):
         Slerp(times, keys).at(np.nan)
     with pytest.raises(MotionError, match="axis order"):

@@ -144,7 +144,8 @@ def _shares(
     s, x = np.asarray(segment, dtype=np.int64), np.asarray(h, dtype=np.float64)
     if s.shape != x.shape:
         s, x = np.broadcast_arrays(s, x)
-    if s.size and not (0 <= s.min() and s.max() < len(times.segment_s)):
+    # Read without a sign, a number below zero is beyond all segments: one pass tells both.
+    if s.size and np.maximum.reduce(s.view(np.uint64), axis=None) >= len(times.segment_s):
         raise MotionError(
             f"segments {s.min()} to {s.max()} asked for; there are {len(times.segment_s)}"
         )
