@@ -1,6 +1,7 @@
 """Figures whose eyes cannot turn: they stand by, and look nowhere that could be told."""
 
 import json
+import struct
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -181,6 +182,62 @@ def test_lids_are_those_that_shapes_of_a_file_close(
         morphs = figure.levels[0].morphs
         downs_m = [morphs[f"{side}_blink"].delta_m[:, 1].min() for side in ("left", "right")]
         assert pytest.approx(-0.005 * len(shapes), rel=1e-3) == sum(downs_m)
+
+
+def _as_vrm(path: Path, extensions: dict[str, Any]) -> None:
+    """Write a file again with extensions that say what its shapes are."""
+    data = path.read_bytes()
+    length = struct.unpack("<I", data[12:16])[0]
+    text = json.dumps(json.loads(data[20 : 20 + length]) | {"extensions": extensions}).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + length :]
+    head = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(rest))
+    path.write_bytes(head + struct.pack("<I4s", len(text), b"JSON") + text + rest)
+
+
+def _vrm(version: str, node: int, targets_of: dict[str, tuple[int, float]]) -> dict[str, Any]:
+    """Return what a VRM says of presets: the number of a target and how far it goes, 0 to 1."""
+    if version == "VRMC_vrm":
+        presets = {
+            name: {"morphTargetBinds": [{"node": node, "index": k, "weight": weight_01}]}
+            for name, (k, weight_01) in targets_of.items()
+        }
+        return {version: {"expressions": {"preset": presets}}}
+    groups = [
+        {
+            "name": "x",
+            "presetName": {"blinkLeft": "blink_l", "blinkRight": "blink_r"}.get(name, name),
+            "binds": [{"mesh": 0, "index": k, "weight": 100 * weight_01}],
+        }
+        for name, (k, weight_01) in targets_of.items()
+    ]
+    return {version: {"blendShapeMaster": {"blendShapeGroups": groups}}}
+
+
+@pytest.mark.parametrize("version", ["VRM", "VRMC_vrm"])
+@pytest.mark.parametrize(
+    ("targets_of", "downs_m"),
+    [
+        ({"blinkLeft": (1, 1.0), "blinkRight": (0, 1.0)}, [-0.005, -0.005]),
+        ({"blink": (1, 0.5)}, [-0.00125, -0.00125]),
+    ],
+    ids=["each", "both"],
+)
+def test_lids_are_those_that_presets_of_a_vrm_bind_by_number(
+    tmp_path: Path, version: str, targets_of: dict[str, tuple[int, float]], downs_m: list[float]
+) -> None:
+    path = tmp_path / "mascot.glb"
+    write_glb(path, **UNTURNABLE["on discs"], shapes=["expr07", "expr12"])
+    assert not import_gltf(path, gaze=False).has_lids
+    data = path.read_bytes()
+    tree = json.loads(data[20 : 20 + struct.unpack("<I", data[12:16])[0]])
+    (node,) = (i for i, one in enumerate(tree["nodes"]) if one.get("mesh") == 0)
+    _as_vrm(path, _vrm(version, node, targets_of))
+    figure = import_gltf(path, gaze=False)
+    assert figure.has_lids
+    morphs = figure.levels[0].morphs
+    lowest_m = [morphs[f"{side}_blink"].delta_m[:, 1].min() for side in ("left", "right")]
+    assert pytest.approx(downs_m, rel=1e-3) == lowest_m
 
 
 def test_who_has_no_gaze_blinks_with_the_lids_of_their_file() -> None:

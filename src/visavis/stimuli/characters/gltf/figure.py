@@ -12,6 +12,7 @@ from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit
 from visavis.stimuli.characters.errors import CharacterError
 from visavis.stimuli.characters.gltf.file import GltfFile
 from visavis.stimuli.characters.gltf.looks import coordinates_of
+from visavis.stimuli.characters.gltf.vrm_presets import PRESET, preset_amounts
 from visavis.stimuli.motion.errors import MotionError, UnknownJointsError
 from visavis.stimuli.motion.joint_names import CANONICAL_NAMES, match_joints
 from visavis.stimuli.motion.rotations import matrix_of_quat, quat_from_axes
@@ -189,6 +190,7 @@ def surfaces_of(
     morph_weights = node.get(
         "weights", mesh.get("weights", [])
     )  # how far each shape is moved at rest
+    presets = preset_amounts(file, index)
     surfaces = []
     for primitive in mesh["primitives"]:
         attributes = primitive["attributes"]
@@ -220,12 +222,16 @@ def surfaces_of(
         colour = None
         if "COLOR_0" in attributes:
             colour = file.accessor(attributes["COLOR_0"])[:, :3].astype(np.float64)
-        shapes = {}
+        shapes, of_target = {}, {}
         for k, target in enumerate(targets):
             if "POSITION" in target:
                 delta = file.accessor(target["POSITION"]).astype(np.float64)
                 name = str(shape_names[k]) if k < len(shape_names) else f"shape{k}"
-                shapes[name] = np.einsum("vab,vb->va", turn, delta)
+                shapes[name] = of_target[k] = np.einsum("vab,vb->va", turn, delta)
+        for ours, amounts in presets.items():
+            there = [amount * of_target[k] for k, amount in amounts.items() if k in of_target]
+            if there:
+                shapes[PRESET + ours] = np.sum(there, axis=0)
         name = str(node.get("name") or mesh.get("name") or f"mesh{index}")
         surfaces.append(
             Surface(

@@ -34,6 +34,7 @@ from visavis.stimuli.characters.gltf.kinds import (
 )
 from visavis.stimuli.characters.gltf.looks import Looks, colour_factor, shine_as_roughness, srgb_of
 from visavis.stimuli.characters.gltf.own_figure import OwnFigure, read_own_figure
+from visavis.stimuli.characters.gltf.vrm_presets import PRESET
 from visavis.stimuli.characters.levels import LEVELS, join_skinned_meshes, lighter, thin_mesh
 from visavis.stimuli.characters.measuring import MEASURING_TRIANGLES, match_areas
 from visavis.stimuli.characters.rest_pose import (
@@ -375,13 +376,17 @@ def _moving_shapes(surfaces: Sequence[Surface]) -> frozenset[str]:
 
 
 def _morphs(surface: Surface, moving: Set[str]) -> dict[str, Vector]:
-    """Return our shapes of the face as sums of the file's that are `moving`."""
+    """Return our shapes of the face as sums of the file's that are `moving`: by their names, and
+    where these do not tell by the file's presets.
+    """
+    presets = {name: name.removeprefix(PRESET) for name in moving if name.startswith(PRESET)}
+    named = moving - presets.keys()
 
     def fits(pattern: str) -> list[Vector]:
         return [
             delta
             for name, delta in surface.shapes.items()
-            if name in moving and re.search(pattern, name.rsplit(".", 1)[-1].lower())
+            if name in named and re.search(pattern, name.rsplit(".", 1)[-1].lower())
         ]
 
     sums: dict[str, Vector] = {}
@@ -393,4 +398,8 @@ def _morphs(surface: Surface, moving: Set[str]) -> dict[str, Vector]:
     blinks = [f"{side}_blink" for side in SIDES]
     if not sums.keys() & set(blinks) and (deltas := fits(_BOTH_CLOSE)):
         sums |= dict.fromkeys(blinks, 0.5 * np.sum(deltas, axis=0))
-    return sums
+    bound = {ours: surface.shapes[n] for n, ours in presets.items() if n in surface.shapes}
+    both = bound.pop("both_blink", None)
+    if both is not None and not (sums.keys() | bound.keys()) & set(blinks):
+        bound |= dict.fromkeys(blinks, 0.5 * both)
+    return bound | sums
