@@ -6,11 +6,12 @@ from itertools import pairwise
 
 import pytest
 
-from tests.devices.band_makers import ascii_armband, hid_armband
+from tests.devices.band_makers import ascii_armband, hid_armband, vhp_sleeve
 from tests.devices.every_driver import own_options
 from tests.devices.other_band_rigs import BANDS, RUNS_FOR_EVER, BandRig
 from visavis.devices import conformance
 from visavis.devices.building import build_device
+from visavis.devices.byte_links import MemoryLink
 from visavis.devices.contracts import (
     BAND_EVENTS,
     HAPTICS,
@@ -20,6 +21,7 @@ from visavis.devices.contracts import (
 )
 from visavis.devices.drivers.bands.driver import HOST_SIDE_ONLY, silence_every_open_band
 from visavis.devices.registry import OPTION_MODELS, built_in
+from visavis.devices.sim.bands.vhp import SleeveSimulator
 from visavis.devices.wirelog import ReplayLink, TeeLink
 from visavis.lab.clock import NS_PER_MS, SimClock, SystemClock
 from visavis.lab.config import DeviceConfig
@@ -326,6 +328,28 @@ def test_sleeve_buffer_holds_zeros_whenever_amplifiers_go_on():
 
     assert rig.peer.amplifiers_on
     assert [] == rig.peer.log
+
+
+@pytest.mark.parametrize(("board", "recipient"), [("sleeve", 3), ("slim", 4)])
+def test_every_message_names_the_board_that_the_lab_configured(board, recipient):
+    written = []
+
+    class Listening(MemoryLink):
+        def write(self, data):
+            written.append(data)
+            return super().write(data)
+
+    clock = SimClock()
+    band = vhp_sleeve(
+        "arm", clock, link=Listening(SleeveSimulator("arm", clock), clock), board=board
+    )
+    band.open(2.0)
+    band.start(lambda batch: None)
+    band.set_amplitudes(ON, 200)
+    band.close()
+
+    assert len(written) > 3
+    assert {recipient} == {data[1] for data in written}
 
 
 def test_sleeve_keeps_vibrating_when_the_host_dies():

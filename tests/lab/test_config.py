@@ -124,6 +124,11 @@ def test_armbands_have_roles_of_their_own():
 # ---- what is wrong ---------------------------------------------------------------------------
 
 
+def test_a_value_out_of_bounds_is_told_in_one_sentence():
+    problem = the_problem("gaze_delay_ms: 12", "port: 70000")
+    assert "is 70000; should be less than or equal to 65535" == problem.message
+
+
 @pytest.mark.parametrize("role", ["heart_belt", "eeg", "heart_rate"])
 def test_a_role_of_the_labs_own_name_is_taken(role):
     text = GOOD.replace("  responses:", f"  {role}: {{driver: keyboard}}\n  responses:")
