@@ -72,6 +72,18 @@ def test_timing_says_when_images_came_and_what_was_shown_again():
     assert timing["timing_known"].all()
 
 
+def test_poll_returns_the_samples_of_every_stream_it_delivered():
+    headset, _, got = started()
+    for i in range(40):
+        frame = headset.wait_frame()
+        headset.submit(frame, (1, 2))
+        if i % 3 == 0:
+            before = sum(map(len, got))
+            returned = headset.poll(0.0)
+            delivered = sum(map(len, got)) - before
+            assert delivered == returned > 0
+
+
 def test_standby_makes_poses_missing_and_is_a_fault():
     faults = FaultSchedule.from_config([{"kind": "standby", "start_s": 0.5, "duration_s": 0.5}])
     headset, _clock, got = started(faults=faults)
