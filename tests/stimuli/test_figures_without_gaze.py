@@ -4,6 +4,7 @@ import json
 import struct
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from visavis.stimuli.characters.checking import findings
 from visavis.stimuli.characters.errors import CharacterError
 from visavis.stimuli.characters.gltf import import_gltf
 from visavis.stimuli.characters.gltf.exporting import glb_of_character
+from visavis.stimuli.characters.gltf.vrm_presets import preset_amounts
 from visavis.stimuli.characters.library import import_characters
 from visavis.stimuli.characters.sizing import scale_to_stature
 from visavis.stimuli.characters.storage import read_character, write_character
@@ -195,7 +197,7 @@ def _as_vrm(path: Path, extensions: dict[str, Any]) -> None:
     path.write_bytes(head + struct.pack("<I4s", len(text), b"JSON") + text + rest)
 
 
-def _vrm(version: str, node: int, targets_of: dict[str, tuple[int, float]]) -> dict[str, Any]:
+def _vrm(version: str, node: int, targets_of: dict[str, tuple[Any, float]]) -> dict[str, Any]:
     """Return what a VRM says of presets: the number of a target and how far it goes, 0 to 1."""
     if version == "VRMC_vrm":
         presets = {
@@ -238,6 +240,31 @@ def test_lids_are_those_that_presets_of_a_vrm_bind_by_number(
     morphs = figure.levels[0].morphs
     lowest_m = [morphs[f"{side}_blink"].delta_m[:, 1].min() for side in ("left", "right")]
     assert pytest.approx(downs_m, rel=1e-3) == lowest_m
+
+
+@pytest.mark.parametrize(
+    "extensions",
+    [
+        None,
+        {"VRM": None},
+        {"VRM": {"blendShapeMaster": {"blendShapeGroups": 7}}},
+        {"VRM": {"blendShapeMaster": {"blendShapeGroups": [None, {"binds": [None, {}]}]}}},
+        _vrm("VRM", 0, {"blink": (None, 1.0)}),
+        {"VRMC_vrm": {"expressions": {"preset": {"blink": None, "aa": {"morphTargetBinds": 7}}}}},
+        {
+            "VRMC_vrm": {
+                "expressions": {
+                    "preset": {
+                        "blink": {"morphTargetBinds": [{"node": 0, "index": 1, "weight": "x"}]}
+                    }
+                }
+            }
+        },
+    ],
+)
+def test_presets_that_bind_nothing_move_nothing(extensions: Any) -> None:
+    file: Any = SimpleNamespace(tree={"extensions": extensions}, items=lambda _: [{"mesh": 0}])
+    assert {} == preset_amounts(file, 0)
 
 
 def test_who_has_no_gaze_blinks_with_the_lids_of_their_file() -> None:

@@ -24,28 +24,43 @@ _OURS: Final[Mapping[str, tuple[str, float]]] = {
 
 
 def preset_amounts(file: GltfFile, node: int) -> dict[str, dict[int, float]]:
-    """Return how much of which targets of the mesh of a node makes each of our shapes."""
+    """Return how much of which targets of the mesh of a node makes each of our shapes.
+
+    A bind that names no target, or an amount that is no number, is left out: the figure is whole
+    without it.
+    """
     mesh = file.items("nodes")[node].get("mesh")
     amounts: dict[str, dict[int, float]] = {}
-    for preset, is_by_node, bind in _binds(file.tree.get("extensions") or {}):
+    for preset, is_by_node, bind in _binds(_parts(file.tree.get("extensions"))):
         is_here = bind.get("node") == node if is_by_node else bind.get("mesh") == mesh
-        if not is_here or preset.lower() not in _OURS:
+        target, full = bind.get("index"), 1.0 if is_by_node else 100.0
+        weight = bind.get("weight", full)
+        if not isinstance(target, int) or not isinstance(weight, int | float):
             continue
-        weight_01 = float(bind.get("weight", 1.0 if is_by_node else 100.0))
-        weight_01 /= 1.0 if is_by_node else 100.0
-        ours, share = _OURS[preset.lower()]
-        of_shape, target = amounts.setdefault(ours, {}), int(bind["index"])
-        of_shape[target] = of_shape.get(target, 0.0) + share * weight_01
+        if is_here and preset.lower() in _OURS:
+            ours, share = _OURS[preset.lower()]
+            of_shape = amounts.setdefault(ours, {})
+            of_shape[target] = of_shape.get(target, 0.0) + share * weight / full
     return amounts
 
 
 def _binds(extensions: Mapping[str, Any]) -> Iterator[tuple[str, bool, Mapping[str, Any]]]:
     """Yield the preset of each bind, and whether it names a node (1.0) or a mesh (0.x)."""
-    groups = extensions.get("VRM", {}).get("blendShapeMaster", {}).get("blendShapeGroups", [])
-    for group in groups:
-        for bind in group.get("binds") or ():
+    master = _parts(_parts(extensions.get("VRM")).get("blendShapeMaster"))
+    for group in _items(master.get("blendShapeGroups")):
+        for bind in _items(group.get("binds")):
             yield str(group.get("presetName", "")), False, bind
-    presets = extensions.get("VRMC_vrm", {}).get("expressions", {}).get("preset", {})
-    for name, expression in presets.items():
-        for bind in expression.get("morphTargetBinds") or ():
-            yield name, True, bind
+    expressions = _parts(_parts(extensions.get("VRMC_vrm")).get("expressions"))
+    for name, expression in _parts(expressions.get("preset")).items():
+        for bind in _items(_parts(expression).get("morphTargetBinds")):
+            yield str(name), True, bind
+
+
+def _parts(value: object) -> Mapping[str, Any]:
+    """Return an object of the file; an empty one where something else stands."""
+    return value if isinstance(value, Mapping) else {}
+
+
+def _items(value: object) -> list[Mapping[str, Any]]:
+    """Return the objects of a list of the file; none where something else stands."""
+    return [_parts(one) for one in value] if isinstance(value, list) else []
