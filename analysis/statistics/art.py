@@ -217,15 +217,15 @@ def _alignment_check(
 ) -> AlignmentCheck:
     """Check aligned columns: sums, and the largest F of an effect they should not hold."""
     sums = {term: float(column.sum()) for term, column in columns.items()}
-    varying = [of for of, column in columns.items() if column.max() != column.min()]
+    uneven = [of for of, column in columns.items() if column.max() != column.min()]
     largest = 0.0
-    if strata is not None and varying:
-        F = strata.f_of_terms([design.table(columns[of]) for of in varying])
+    if strata is not None and uneven:
+        F = strata.f_of_terms([design.table(columns[of]) for of in uneven])
         names = [":".join(term) for term in design.terms]
-        F[[names.index(of) for of in varying], range(len(varying))] = 0.0
+        F[[names.index(of) for of in uneven], range(len(uneven))] = 0.0
         largest = float(F.max())
-    elif varying:
-        for of in varying:
+    elif uneven:
+        for of in uneven:
             tests = mixed_effects(design, columns[of], random="intercept")
             largest = max([largest, *(e.F for e in tests if e.name != of)])
     return AlignmentCheck(sums, largest)

@@ -170,10 +170,10 @@ class Strata:
 
         F is 0 for no effect at all and infinity for an effect without error.
         """
-        stacked = np.stack(tables, axis=1)
-        n, count = stacked.shape[:2]
-        contrasts, of_stratum, place = contrasts_of_all_strata(stacked.shape[2:])
-        Z = (stacked.reshape(n * count, -1) @ contrasts).reshape(n, -1)
+        responses = np.stack(tables, axis=1)
+        n, count = responses.shape[:2]
+        contrasts, of_stratum, place = contrasts_of_all_strata(responses.shape[2:])
+        Z = (responses.reshape(n * count, -1) @ contrasts).reshape(n, -1)
         beta = self._model.fit @ Z
         errors = Z - self._model.X @ beta
         ss_error = np.einsum("ij,ij->j", errors, errors).reshape(count, -1) @ of_stratum
@@ -184,8 +184,8 @@ class Strata:
             of_term = tuple(j for j, name in enumerate(self._between) if name in term)
             if of_term not in of_groups:
                 part = beta[self._model.place[of_term]]
-                weighted = np.einsum("ij,ij->j", part, self._model.precision(of_term) @ part)
-                ss = weighted.reshape(count, -1) @ of_stratum
+                ss_of_columns = np.einsum("ij,ij->j", part, self._model.precision(of_term) @ part)
+                ss = ss_of_columns.reshape(count, -1) @ of_stratum
                 with np.errstate(divide="ignore", invalid="ignore"):
                     ratio = ss / ss_error * (self.df / part.shape[0])
                 ratio[ss_error <= noise] = np.inf

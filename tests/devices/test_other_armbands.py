@@ -332,24 +332,24 @@ def test_sleeve_buffer_holds_zeros_whenever_amplifiers_go_on():
 
 @pytest.mark.parametrize(("board", "recipient"), [("sleeve", 3), ("slim", 4)])
 def test_every_message_names_the_board_that_the_lab_configured(board, recipient):
-    written = []
+    messages = []
 
-    class Listening(MemoryLink):
+    class RecordingLink(MemoryLink):
         def write(self, data):
-            written.append(data)
+            messages.append(data)
             return super().write(data)
 
     clock = SimClock()
     band = vhp_sleeve(
-        "arm", clock, link=Listening(SleeveSimulator("arm", clock), clock), board=board
+        "arm", clock, link=RecordingLink(SleeveSimulator("arm", clock), clock), board=board
     )
     band.open(2.0)
     band.start(lambda batch: None)
     band.set_amplitudes(ON, 200)
     band.close()
 
-    assert len(written) > 3
-    assert {recipient} == {data[1] for data in written}
+    assert len(messages) > 3
+    assert {recipient} == {data[1] for data in messages}
 
 
 def test_sleeve_keeps_vibrating_when_the_host_dies():

@@ -79,9 +79,9 @@ def test_poll_returns_the_samples_of_every_stream_it_delivered():
         headset.submit(frame, (1, 2))
         if i % 3 == 0:
             before = sum(map(len, got))
-            returned = headset.poll(0.0)
-            delivered = sum(map(len, got)) - before
-            assert delivered == returned > 0
+            count = headset.poll(0.0)
+            sample_count = sum(map(len, got)) - before
+            assert sample_count == count > 0
 
 
 def test_standby_makes_poses_missing_and_is_a_fault():

@@ -380,13 +380,13 @@ def _morphs(surface: Surface, moving: Set[str]) -> dict[str, Vector]:
     where these do not tell by the file's presets.
     """
     presets = {name: name.removeprefix(PRESET) for name in moving if name.startswith(PRESET)}
-    named = moving - presets.keys()
+    others = moving - presets.keys()
 
     def fits(pattern: str) -> list[Vector]:
         return [
             delta
             for name, delta in surface.shapes.items()
-            if name in named and re.search(pattern, name.rsplit(".", 1)[-1].lower())
+            if name in others and re.search(pattern, name.rsplit(".", 1)[-1].lower())
         ]
 
     sums: dict[str, Vector] = {}
@@ -398,8 +398,8 @@ def _morphs(surface: Surface, moving: Set[str]) -> dict[str, Vector]:
     blinks = [f"{side}_blink" for side in SIDES]
     if not sums.keys() & set(blinks) and (deltas := fits(_BOTH_CLOSE)):
         sums |= dict.fromkeys(blinks, 0.5 * np.sum(deltas, axis=0))
-    bound = {ours: surface.shapes[n] for n, ours in presets.items() if n in surface.shapes}
-    both = bound.pop("both_blink", None)
-    if both is not None and not (sums.keys() | bound.keys()) & set(blinks):
-        bound |= dict.fromkeys(blinks, 0.5 * both)
-    return bound | sums
+    of_presets = {ours: surface.shapes[n] for n, ours in presets.items() if n in surface.shapes}
+    both = of_presets.pop("both_blink", None)
+    if both is not None and not (sums.keys() | of_presets.keys()) & set(blinks):
+        of_presets |= dict.fromkeys(blinks, 0.5 * both)
+    return of_presets | sums
