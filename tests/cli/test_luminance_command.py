@@ -1,10 +1,6 @@
 """`visavis devices luminance`: from what a photometer says to a table that sessions use."""
 
 import json
-import os
-import shutil
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +10,7 @@ from PIL import Image
 from typer.testing import CliRunner, Result
 
 from tests.cli.test_flat_again import performed
+from tests.virtual_screen import run_before_a_screen
 from visavis.analysis.session_check import check_session
 from visavis.cli.luminance_sheet import measure, measured_steps
 from visavis.cli.main import app
@@ -107,22 +104,10 @@ def test_what_is_shown_is_asked_for_and_mistyped_values_again(
 
 
 def test_the_whole_window_is_filled_with_the_level_that_is_asked_for() -> None:
-    if shutil.which("xvfb-run") is None:
-        pytest.skip("needs a virtual screen: apt install xvfb xvfb-run")
-    child = [sys.executable, "-m", "tests.cli.full_field_child"]
-    run = subprocess.run(
-        ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", *child],  # noqa: S607 - found above
-        input="1\nb\n3,5\n4\n5\n",
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    said = run_before_a_screen(
+        "tests.cli.full_field_child", size_px=(640, 480), keys="1\nb\n3,5\n4\n5\n"
     )
-    if "OpenGL 3.3" in run.stderr or "no window" in run.stderr:
-        pytest.skip(run.stderr.strip().splitlines()[-1])
-    assert 0 == run.returncode, run.stderr
-    answers = [line.rpartition("typed ")[2] for line in run.stdout.splitlines()]
+    answers = [line.rpartition("typed ")[2] for line in said.splitlines()]
     assert ["1", "b", "3,5", "4", "5"] == answers
 
 

@@ -1,16 +1,13 @@
 """`visavis sync-test`: what it recovers, what it keeps, what doctor says of it."""
 
 import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from tests.virtual_screen import run_before_a_screen
 from visavis.cli import sync_records
 from visavis.cli.app import load_lab
 from visavis.cli.doctor import report
@@ -85,31 +82,7 @@ def test_planted_delay_of_a_monitor_is_recovered_in_its_own_rhythm(rate_hz):
 
 def test_delay_before_a_monitor_is_measured_in_its_window():
     """Six seconds in real time: five flashes in a window of an X server."""
-    if shutil.which("xvfb-run") is None:
-        pytest.skip("needs a virtual screen: apt install xvfb xvfb-run")
-    root = Path(__file__).parents[2]
-    done = subprocess.run(
-        [  # noqa: S607  (a fixed program found on the path)
-            "xvfb-run",
-            "-a",
-            "-s",
-            "-screen 0 640x360x24",
-            sys.executable,
-            "-m",
-            "tests.cli.sync_test_child",
-            "40",
-        ],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        cwd=root,
-        check=False,
-        env={**os.environ, "PYTHONPATH": str(root)},
-    )
-    if "OpenGL 3.3" in done.stderr or "no window" in done.stderr:
-        pytest.skip(done.stderr.strip().splitlines()[-1])
-    assert 0 == done.returncode, done.stderr
-    told = json.loads(done.stdout)
+    told = json.loads(run_before_a_screen("tests.cli.sync_test_child", "40", size_px=(640, 360)))
 
     assert ("picture", "screen", 5, 5) == (
         told["modality"],

@@ -1,9 +1,5 @@
 """EyeLink: golden samples, and the driver over a stand-in of pylink's surface (no real unit)."""
 
-import os
-import shutil
-import subprocess
-import sys
 import types
 
 import numpy as np
@@ -15,7 +11,7 @@ from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
 from tests.devices.wire_ends.fake_pylink import FakePylink, FakeTracker
-from tests.product_files import ROOT
+from tests.virtual_screen import run_before_a_screen
 from visavis.devices import libraries
 from visavis.devices.contracts import DeviceState, SessionName
 from visavis.devices.drivers.eyelink import camera_setup, codec
@@ -369,23 +365,10 @@ def test_vendors_own_setup_draws_through_our_screen_and_takes_its_keys():
 
 
 def test_a_target_is_dark_where_it_is_asked_for_and_nothing_is_where_none_is():
-    if shutil.which("xvfb-run") is None:
-        pytest.skip("needs a virtual screen: apt install xvfb xvfb-run")
-    child = [sys.executable, "-m", "tests.devices.target_screen_child"]
-    run = subprocess.run(
-        ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", *child],  # noqa: S607 - found above
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    if "OpenGL" in run.stderr or "no window" in run.stderr:
-        pytest.skip(run.stderr.strip().splitlines()[-1])
+    pictures = run_before_a_screen("tests.devices.target_screen_child", size_px=(640, 480))
 
-    assert (run.returncode, run.stderr) == (0, "")
     # a black square of ten pixels around a white one of two
-    assert run.stdout.splitlines() == ["96 500.0 30.0", "0"]
+    assert pictures.splitlines() == ["96 500.0 30.0", "0"]
 
 
 def test_target_is_drawn_where_the_tracker_says():
