@@ -217,15 +217,15 @@ def _alignment_check(
 ) -> AlignmentCheck:
     """Check aligned columns: sums, and the largest F of an effect they should not hold."""
     sums = {term: float(column.sum()) for term, column in columns.items()}
-    uneven = [of for of, column in columns.items() if column.max() != column.min()]
+    uneven_terms = [of for of, column in columns.items() if column.max() != column.min()]
     largest = 0.0
-    if strata is not None and uneven:
-        F = strata.f_of_terms([design.table(columns[of]) for of in uneven])
+    if strata is not None and uneven_terms:
+        F = strata.f_of_terms([design.table(columns[of]) for of in uneven_terms])
         names = [":".join(term) for term in design.terms]
-        F[[names.index(of) for of in uneven], range(len(uneven))] = 0.0
+        F[[names.index(of) for of in uneven_terms], range(len(uneven_terms))] = 0.0
         largest = float(F.max())
-    elif uneven:
-        for of in uneven:
+    elif uneven_terms:
+        for of in uneven_terms:
             tests = mixed_effects(design, columns[of], random="intercept")
             largest = max([largest, *(e.F for e in tests if e.name != of)])
     return AlignmentCheck(sums, largest)

@@ -104,10 +104,10 @@ def test_what_is_shown_is_asked_for_and_mistyped_values_again(
 
 
 def test_the_whole_window_is_filled_with_the_level_that_is_asked_for() -> None:
-    said = run_before_a_screen(
+    output = run_before_a_screen(
         "tests.cli.full_field_child", size_px=(640, 480), keys="1\nb\n3,5\n4\n5\n"
     )
-    answers = [line.rpartition("typed ")[2] for line in said.splitlines()]
+    answers = [line.rpartition("typed ")[2] for line in output.splitlines()]
     assert ["1", "b", "3,5", "4", "5"] == answers
 
 

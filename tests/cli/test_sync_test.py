@@ -82,16 +82,16 @@ def test_planted_delay_of_a_monitor_is_recovered_in_its_own_rhythm(rate_hz):
 
 def test_delay_before_a_monitor_is_measured_in_its_window():
     """Six seconds in real time: five flashes in a window of an X server."""
-    told = json.loads(run_before_a_screen("tests.cli.sync_test_child", "40", size_px=(640, 360)))
+    outcome = json.loads(run_before_a_screen("tests.cli.sync_test_child", "40", size_px=(640, 360)))
 
     assert ("picture", "screen", 5, 5) == (
-        told["modality"],
-        told["source"],
-        told["asked"],
-        told["answered"],
+        outcome["modality"],
+        outcome["source"],
+        outcome["asked"],
+        outcome["answered"],
     )
-    assert 0 == pytest.approx(np.median(told["errors_ms"]), abs=2)
-    assert (1, True) == (told["windows"], told["is_closed"])
+    assert 0 == pytest.approx(np.median(outcome["errors_ms"]), abs=2)
+    assert (1, True) == (outcome["windows"], outcome["is_closed"])
 
 
 def test_pose_age_and_gaze_delay_are_bounded_in_the_same_room():

@@ -250,6 +250,8 @@ def test_lids_are_those_that_presets_of_a_vrm_bind_by_number(
         {"VRM": {"blendShapeMaster": {"blendShapeGroups": 7}}},
         {"VRM": {"blendShapeMaster": {"blendShapeGroups": [None, {"binds": [None, {}]}]}}},
         _vrm("VRM", 0, {"blink": (None, 1.0)}),
+        _vrm("VRM", 0, {"blink": (0, float("nan"))}),
+        _vrm("VRMC_vrm", 0, {"blink": (0, float("inf"))}),
         {"VRMC_vrm": {"expressions": {"preset": {"blink": None, "aa": {"morphTargetBinds": 7}}}}},
         {
             "VRMC_vrm": {
@@ -265,6 +267,26 @@ def test_lids_are_those_that_presets_of_a_vrm_bind_by_number(
 def test_presets_that_bind_nothing_move_nothing(extensions: Any) -> None:
     file: Any = SimpleNamespace(tree={"extensions": extensions}, items=lambda _: [{"mesh": 0}])
     assert {} == preset_amounts(file, 0)
+
+
+@pytest.mark.parametrize(
+    ("version", "presets"),
+    [
+        ("VRM", ("a", "joy", "lookup", "lookdown")),
+        ("VRMC_vrm", ("aa", "happy", "lookUp", "lookDown")),
+    ],
+)
+def test_presets_of_mouth_and_looks_become_ours(version: str, presets: tuple[str, ...]) -> None:
+    amounts_01 = dict(zip(presets, ((3, 1.0), (2, 0.5), (1, 1.0), (0, 0.25)), strict=True))
+    extensions = _vrm(version, 0, {**amounts_01, "angry": (4, 1.0)})
+    file: Any = SimpleNamespace(tree={"extensions": extensions}, items=lambda _: [{"mesh": 0}])
+    expected = {
+        "jaw_open": {3: 1.0},
+        "smile": {2: 0.4},
+        "lids_up": {1: 1.0},
+        "lids_down": {0: 0.25},
+    }
+    assert expected == preset_amounts(file, 0)
 
 
 def test_who_has_no_gaze_blinks_with_the_lids_of_their_file() -> None:

@@ -1,5 +1,6 @@
 """Expressions of VRM files: which shapes of a mesh, by number, make a blink or a smile."""
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
@@ -36,6 +37,8 @@ def preset_amounts(file: GltfFile, node: int) -> dict[str, dict[int, float]]:
         target, full = bind.get("index"), 1.0 if is_by_node else 100.0
         weight = bind.get("weight", full)
         if not isinstance(target, int) or not isinstance(weight, int | float):
+            continue
+        if not math.isfinite(weight):
             continue
         if is_here and preset.lower() in _OURS:
             ours, share = _OURS[preset.lower()]
