@@ -182,6 +182,19 @@ def test_sessions_whose_picture_is_gone_are_measured_and_it_is_named(
 
 
 @pytest.mark.slow
+def test_a_silent_film_that_is_gone_is_no_change_of_the_study(tmp_path: Path) -> None:
+    (tmp_path / "silent.py").write_text(FILM_STUDY.replace("heard", "silent"), "utf-8")
+    film = write_film(tmp_path / "f.mp4", 30)
+    simulate = ("simulate", str(tmp_path / "silent.py"), "--processes", "1", "--participants", "1")
+    visavis(*simulate, "--output", str(tmp_path / "out"))
+    film.unlink()
+    analyse = ("analyse", str(tmp_path / "out/simulated/silent"), "--processes", "1")
+    output = visavis(*analyse)
+    assert "f.mp4 is gone" in output
+    assert "has changed since" not in output
+
+
+@pytest.mark.slow
 def test_sessions_whose_film_was_heard_and_is_gone_keep_when_it_was_heard(tmp_path: Path) -> None:
     (tmp_path / "heard.py").write_text(FILM_STUDY, "utf-8")
     film = write_film(tmp_path / "f.mp4", 30, is_heard=True)
@@ -204,7 +217,25 @@ def test_a_report_has_no_pages_of_sessions_whose_picture_is_gone_and_names_it(
     write_views(study, tmp_path, [trial])
     output = " ".join(capsys.readouterr().out.split())
     assert f"no page of trials of {session}: there is no picture" in output
+    assert "of before" not in output
     assert [] == list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_a_report_whose_picture_is_gone_says_that_it_opens_a_page_of_before(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session = session_of(folder, "here")
+    study, trial = session.parent.parent, TrialToSee(session.parent.name[4:], "ses-001", "T01", "")
+    write_views(study, tmp_path, [trial])
+    (page,) = (tmp_path / "views").iterdir()
+    before = page.read_bytes()
+    (folder / "a.png").unlink()
+    write_views(study, tmp_path, [trial])
+    assert before == page.read_bytes()
+    output = " ".join(capsys.readouterr().out.split())
+    assert f"no new page of trials of {session}: there is no picture" in output
+    assert f"; the report opens {page.name} of before" in output
 
 
 @pytest.mark.slow
@@ -224,10 +255,12 @@ def test_a_page_of_a_session_whose_areas_are_gone_has_them_from_the_recording(
 def test_what_was_shown_may_be_gone_in_recorded_sessions_alone(tmp_path: Path, video: str) -> None:
     text = HERE.replace('Image("a.png", 12, areas="a.yaml"), 0.5', f"{video}, 0.5")
     file = tmp_path / "here.py"
-    file.write_text(text.replace("import Factor", "import Factor, Panorama, Video"), "utf-8")
+    text = text.replace("import Factor", "import Factor, Panorama, Video")
+    file.write_text(text.replace('*looks_at("door")', ""), "utf-8")
     study = find_study(str(file))
     of_recording = study.experiment({}, is_recorded=True)
-    assert {video.split('"')[1]} == of_recording.files_gone
+    assert of_recording.files_gone is not None
+    assert {video.split('"')[1]} == of_recording.files_gone.names
     with pytest.raises(DesignError, match=f"there is no .*{video.split(chr(34))[1]}"):
         study.experiment_to_run({})
 
@@ -249,3 +282,62 @@ def test_an_area_that_no_file_has_is_refused_by_name_also_in_recorded_sessions(
     study = find_study(str(tmp_path / "here.py"))
     with pytest.raises(DesignError, match="no area or role 'dor'"):
         study.experiment({}, is_recorded=True)
+
+
+AREAS_AS = {
+    "a.yaml": AREAS,
+    "a.csv": "area,x,y\ndoor,20,60\ndoor,140,60\ndoor,140,290\nlamp,0,0\nlamp,9,0\nlamp,9,9\n",
+    "a.svg": '<svg viewBox="0 0 400 300"><rect id="door" width="9" height="9"/></svg>',
+    "a.png": "",
+}
+
+
+@pytest.mark.parametrize("file", AREAS_AS)
+def test_an_area_that_no_file_has_is_refused_by_name_also_where_the_picture_is_gone(
+    tmp_path: Path, file: str
+) -> None:
+    if file == "a.png":
+        labels = Picture.new("RGB", (400, 300), "black")
+        labels.paste((255, 0, 0), (20, 60, 140, 290))
+        labels.save(tmp_path / file)
+        area = "red"
+    else:
+        (tmp_path / file).write_text(AREAS_AS[file], "utf-8")
+        area = "door"
+    study = HERE.replace("a.png", "gone.png").replace("a.yaml", file).replace("door", "NAME")
+    for name in (area, "dor"):
+        (tmp_path / "here.py").write_text(study.replace("NAME", name), "utf-8")
+        opened = find_study(str(tmp_path / "here.py"))
+        if name == area:
+            assert opened.experiment({}, is_recorded=True).files_gone is not None
+        else:
+            with pytest.raises(DesignError, match="no area or role 'dor'"):
+                opened.experiment({}, is_recorded=True)
+
+
+BESIDE = """yield t.show([Image("b.png", 5, areas="b.yaml"), Image("gone.png", 9)], 0.5)"""
+
+
+def test_an_area_beside_a_picture_that_is_gone_is_refused_by_name_where_there_is_none(
+    tmp_path: Path,
+) -> None:
+    Picture.new("RGB", (400, 300), "red").save(tmp_path / "b.png")
+    (tmp_path / "b.yaml").write_text(AREAS, "utf-8")
+    text = HERE.replace('yield t.show(Image("a.png", 12, areas="a.yaml"), 0.5)', BESIDE)
+    for name in ("door", "dor"):
+        (tmp_path / "here.py").write_text(text.replace('"door"', f'"{name}"'), "utf-8")
+        opened = find_study(str(tmp_path / "here.py"))
+        if name == "door":
+            opened.experiment({}, is_recorded=True)
+        else:
+            with pytest.raises(DesignError, match="no area or role 'dor'"):
+                opened.experiment({}, is_recorded=True)
+
+
+def test_names_of_areas_of_a_file_that_is_gone_are_only_in_recordings(tmp_path: Path) -> None:
+    draw(tmp_path, "red")
+    (tmp_path / "here.py").write_text(HERE.replace('"door"', '"dor"'), "utf-8")
+    opened = find_study(str(tmp_path / "here.py"))
+    files_gone = opened.experiment({}, is_recorded=True).files_gone
+    assert files_gone is not None
+    assert files_gone.hides_areas

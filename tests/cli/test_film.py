@@ -46,6 +46,7 @@ from visavis.study.films import Film
 from visavis.study.parts import Posture
 from visavis.study.scenes import Scene
 
+HIPS = ("left_upper_leg", "right_upper_leg")
 HEIGHTS = ("hips", "left_lower_leg", "left_foot", "left_eye")
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -240,6 +241,38 @@ def test_who_was_filmed_sits_or_stands_as_the_study_declares(
     assert abs(height["left_eye"] - eye_m) < 0.07
     sits = posture == "seated" or (posture is None and eye_m < 1.35)
     assert sits == (height["hips"] - height["left_lower_leg"] < 0.3)
+
+
+@pytest.mark.parametrize("eye_m", [0.9, 1.2, 1.3])
+def test_who_sits_is_filmed_on_one_chair_that_stays(eye_m: float, session: Path) -> None:
+    trial = recorded_trial(CachedRecording(session), "T01")
+    t_ns = trial.span_ns[0]
+    picture = picture_of(next(iter(opened("duel").views_of(trial.shown_at(t_ns)))))
+    person = StandIn(trial, "seated")
+    heads = [Pose(np.array([0.3 + sway_m, eye_m, 1.1]), LEVEL) for sway_m in (0.0, 0.02)]
+    first, later = (person.in_picture(picture, t_ns, head) for head in heads)
+    assert first.room is later.room
+    cushion, _ = (prop for prop in first.room.props if prop not in picture.room.props)
+    character, people = first.cast[-1], first.people
+    body = forward(character.skeleton, people.root_m[-1], people.orientation_wxyz[-1])
+    places = {n: body.position_m[character.skeleton.index(n)] for n in (*HIPS, "left_lower_leg")}
+    hips_m = (places[HIPS[0]] + places[HIPS[1]]) / 2
+    apart_m = hips_m - cushion.mesh.vertices_m.mean(axis=0)
+    assert abs(apart_m[0]) < 0.03
+    assert -0.1 < apart_m[2] < 0.15  # the mean of seat and back is behind the seat's middle
+    seat_m = np.sort(cushion.mesh.vertices_m[:, 1])[len(cushion.mesh.vertices_m) // 2 - 1]
+    assert 0.05 < hips_m[1] - seat_m < 0.15
+
+
+def test_who_stands_or_has_a_chair_in_the_room_is_given_none(session: Path) -> None:
+    trial = recorded_trial(CachedRecording(session), "T01")
+    t_ns = trial.span_ns[0]
+    picture = picture_of(next(iter(opened("duel").views_of(trial.shown_at(t_ns)))))
+    head = Pose(np.array([0.3, 1.2, 1.1]), LEVEL)
+    assert picture.room is StandIn(trial, "standing").in_picture(picture, t_ns, head).room
+    furnished = StandIn(trial, "seated").in_picture(picture, t_ns, head).room
+    again = replace(picture, room=furnished)
+    assert furnished is StandIn(trial, "seated").in_picture(again, t_ns, head).room
 
 
 def came_along(name: str) -> OpenedStudy:

@@ -16,6 +16,7 @@ from visavis.lab.errors import DesignError
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.family_tests import CorrelationTest, printed_pair_tests
 from visavis.results.printed_orders import order_holds, printed_orders_of, rows_for
+from visavis.stimuli.area_paths import FilesGone
 from visavis.study.comparisons import Compare
 from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
@@ -136,7 +137,7 @@ def fidelity_rows(experiment: StudyExperiment) -> tuple[FidelityRow, ...]:
     if source is None:
         return ()
     values = design_values(experiment)
-    own = design_values(StudyExperiment(study, files_gone=set()))
+    own = design_values(StudyExperiment(study, files_gone=FilesGone()))
     rows = [
         *([] if source.participants is None else [_participants(source)]),
         *(_row_of(fact, values, own, study) for fact in source.facts),
@@ -204,7 +205,7 @@ def _set_or_derived(fact: Fact, value: Any, own: Mapping[str, Any], study: Study
     base = study.base
     if base is None:
         return ""
-    of_base = design_values(StudyExperiment(base, files_gone=set()))
+    of_base = design_values(StudyExperiment(base, files_gone=FilesGone()))
     if not set(names_of(fact)) <= set(of_base) or _value_of(fact, of_base) == value:
         return ""
     return f"this study was derived so (its base: {_text(_value_of(fact, of_base))})"
@@ -248,7 +249,7 @@ def _was_left_out(name: str, study: Study) -> bool:
     """Tell whether a study from which this one was derived has a value of the design."""
     base = study.base
     while base is not None:
-        if name in design_values(StudyExperiment(base, files_gone=set())):
+        if name in design_values(StudyExperiment(base, files_gone=FilesGone())):
             return True
         base = base.base
     return False

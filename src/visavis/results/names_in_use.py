@@ -14,6 +14,7 @@ from visavis.results.fidelity import design_names, names_of, refuse_unknown_valu
 from visavis.results.intake import questionnaire
 from visavis.results.planned_tests import primary_tests
 from visavis.results.tables.dictionary import PEOPLE, of_shown, people_columns, trial_columns
+from visavis.stimuli.area_paths import FilesGone
 from visavis.study.conditions import columns_asked
 from visavis.study.declaration import Study
 from visavis.study.exclusions import STANDARD_COLUMNS, Exclusion
@@ -58,9 +59,10 @@ def refuse_unknown_names(experiment: StudyExperiment, measures: Sequence[Measure
             uses.append((section.shown, "factor or column", columns))
             uses += [(section.by, "factor", factors)] if section.by else []
     roles = frozenset().union(*(t.roles for t in experiment.read.values()))
-    areas = frozenset().union(*(t.areas for t in experiment.read.values()))
+    gone = experiment.files_gone or FilesGone()
+    areas = frozenset(gone.area_names).union(*(t.areas for t in experiment.read.values()))
     visible = tuple(sorted(roles | areas))
-    if not experiment.files_gone:  # what those that are gone were called only recordings know
+    if not gone.hides_areas:
         uses += [(n, "area or role", visible) for m in study.analysis.measures for n in m.areas]
     for name in (m.role for m in study.analysis.measures if m.role in areas - roles):
         raise DesignError(

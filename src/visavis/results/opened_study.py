@@ -55,6 +55,7 @@ from visavis.results.study_names import refuse_unusable_names
 from visavis.results.tables.dictionary import PEOPLE, trial_columns
 from visavis.results.time_course import TIME_COURSE, with_time_course
 from visavis.results.validation import judge_validation
+from visavis.stimuli.area_paths import FilesGone
 from visavis.stimuli.areas import rooms_in
 from visavis.stimuli.moving_heads import HEADS_MOVE, moving_heads
 from visavis.stimuli.own_room import PlacedRoom
@@ -115,7 +116,7 @@ class OpenedStudy:
             ConfigError: a parameter, a value or a text does not exist.
             DesignError: a trial cannot be run through.
         """
-        files_gone = set[str]() if is_recorded else None
+        files_gone = FilesGone() if is_recorded else None
         experiment = StudyExperiment(self.study, dict(overrides), files_gone=files_gone)
         refuse_unknown_names(experiment, self.measures(experiment))
         refuse_unknown_levels(experiment)

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.foreign_text import require_csv
 from visavis.lab.plain_files import read_plain
-from visavis.lab.yaml_lines import did_you_mean, names_or_none, read_document
+from visavis.lab.yaml_lines import Document, did_you_mean, names_or_none, read_document
 from visavis.stimuli.areas import Area, KeyFrame, Outline, pack_runs, signed_size_px2
 from visavis.stimuli.film_file import FilmFacts
 from visavis.stimuli.flat import COLOURS, rgb_of
@@ -59,6 +59,24 @@ def read_areas(
     """
     modified_ns = path.stat().st_mtime_ns if path.is_file() else 0
     return _read(path, modified_ns, size_px, is_around, film)
+
+
+def area_names(path: Path) -> frozenset[str]:
+    """Return the names of the areas in a file, without the picture that they are on.
+
+    Raises:
+        DesignError: the file cannot be read.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".png":
+        names = {text for text, _ in _colours_of(np.asarray(read_picture(path)))}
+    elif suffix == ".svg":
+        names = {name for _, name, _ in _shapes_of(_svg_root(path))}
+    elif suffix == ".csv":
+        names = {row.get("area", "") for _, row in _rows_of_csv(path, ())}
+    else:
+        names = {str(name) for name in _document_of(path).data or {}}
+    return frozenset(names - {""})
 
 
 @lru_cache(maxsize=512)
@@ -284,17 +302,8 @@ def _crossing(corners: npt.NDArray[np.float64]) -> tuple[int, int] | None:
 def _of_yaml(
     path: Path, size_px: tuple[int, int], is_around: bool, film: FilmFacts | None
 ) -> Iterator[tuple[str, Area]]:
-    try:
-        document = read_document(path)
-    except ConfigError as error:
-        raise DesignError(str(error)) from error
-    if document.problems:
-        problem = document.problems[0]
-        raise DesignError(f"{path}, line {problem.line}: {problem.key}: {problem.message}")
-    data = document.data or {}
-    if not isinstance(data, dict):
-        raise DesignError(f"{path}: write NAME: {{polygon: [[x, y], …]}} for each area")
-    for name, of in data.items():
+    document = _document_of(path)
+    for name, of in (document.data or {}).items():
         where = f"{path}, line {document.line_of((str(name),))}"
         if not isinstance(of, dict):
             raise DesignError(f"{where}: area {name}: write {{polygon: [[x, y], …]}} or the like")
@@ -317,6 +326,24 @@ def _of_yaml(
         _refuse_idle(where, str(name), of)
         area = _area_of(where, path, str(name), of, size_px, downwards)
         yield where, replace(area, keys=tuple(keys))
+
+
+def _document_of(path: Path) -> Document:
+    """Return a YAML file of areas, which names them.
+
+    Raises:
+        DesignError: it cannot be read, or is something else.
+    """
+    try:
+        document = read_document(path)
+    except ConfigError as error:
+        raise DesignError(str(error)) from error
+    if document.problems:
+        problem = document.problems[0]
+        raise DesignError(f"{path}, line {problem.line}: {problem.key}: {problem.message}")
+    if not isinstance(document.data or {}, dict):
+        raise DesignError(f"{path}: write NAME: {{polygon: [[x, y], …]}} for each area")
+    return document
 
 
 def _list_of_keys(where: str, name: str, keys: Any) -> list[Mapping[str, Any]]:
@@ -422,28 +449,13 @@ def _rectangle(left: float, top: float, wide: float, high: float) -> Outline:
 def _of_csv(
     path: Path, axes: tuple[str, str], film: FilmFacts | None
 ) -> Iterator[tuple[str, Area]]:
-    text = _text(path)
-    head = text.partition("\n")[0]
-    delimiter = max(",;\t", key=head.count)
-    require_csv(path, text, delimiter)
-    rows = csv.DictReader(io.StringIO(text, newline=None), delimiter=delimiter)
-    there = [name.strip() for name in rows.fieldnames or ()]
-    missing = [name for name in ("area", *axes) if name not in there]
-    if missing:
-        raise DesignError(
-            f"{path}: there is no column {missing[0]!r}; a table of areas has area, {axes[0]} and "
-            f"{axes[1]}, one row for each corner, in order"
-        )
     corners: dict[str, dict[float | None, list[tuple[float, float]]]] = {}
     lines: dict[str, int] = {}
     saliences: dict[str, float] = {}
     last: tuple[str, float | None] = "", None
-    for raw in rows:
-        row = {str(k).strip(): (v or "").strip() for k, v in raw.items() if isinstance(v, str)}
+    for line, row in _rows_of_csv(path, axes):
         name = row.get("area", "")
-        if not any(row.values()):
-            continue
-        where, t_s = f"{path}, line {rows.line_num}", None
+        where, t_s = f"{path}, line {line}", None
         if any(row.get(time) for time in TIMES):
             t_s = _time_s(where, name, row, film)
         outlines = corners.setdefault(name, {})
@@ -464,7 +476,7 @@ def _of_csv(
             raise DesignError(
                 f"{where}: area {name}: {error}; write numbers with a point"
             ) from error
-        lines.setdefault(name, rows.line_num)
+        lines.setdefault(name, line)
         last = name, t_s
     for name, outlines in corners.items():
         still = tuple(outlines.pop(None, ()))
@@ -473,14 +485,32 @@ def _of_csv(
         yield f"{path}, line {lines[name]}", area
 
 
-def _of_svg(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
+def _rows_of_csv(path: Path, axes: Sequence[str]) -> Iterator[tuple[int, Mapping[str, str]]]:
+    """Yield the rows of a table of areas that are not empty, each with its line.
+
+    Raises:
+        DesignError: the file cannot be read, or lacks a column.
+    """
     text = _text(path)
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise DesignError(f"{path}: save it as a plain SVG, without a DOCTYPE")
-    try:
-        root = ElementTree.fromstring(text)  # noqa: S314 - entities are refused above
-    except ElementTree.ParseError as error:
-        raise DesignError(f"{path} is no SVG: {error}") from error
+    head = text.partition("\n")[0]
+    delimiter = max(",;\t", key=head.count)
+    require_csv(path, text, delimiter)
+    rows = csv.DictReader(io.StringIO(text, newline=None), delimiter=delimiter)
+    there = [name.strip() for name in rows.fieldnames or ()]
+    missing = [name for name in ("area", *axes) if name not in there]
+    if missing:
+        raise DesignError(
+            f"{path}: there is no column {missing[0]!r}; a table of areas has area, "
+            f"{' and '.join(axes)}, one row for each corner, in order"
+        )
+    for raw in rows:
+        row = {str(k).strip(): (v or "").strip() for k, v in raw.items() if isinstance(v, str)}
+        if any(row.values()):
+            yield rows.line_num, row
+
+
+def _of_svg(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
+    root = _svg_root(path)
     box = _numbers(root.get("viewBox", ""))
     if not box:
         extent = [v for n in ("width", "height") for v in _numbers(root.get(n, ""))[:1]]
@@ -495,11 +525,7 @@ def _of_svg(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
         )
     scale = size_px[0] / wide, size_px[1] / high
     transforms = _moved_by_transforms(root)
-    for element in root.iter():
-        kind = str(element.tag).rpartition("}")[2]
-        if kind not in ("polygon", "rect", "circle", "ellipse", "path", "polyline"):
-            continue
-        name = element.get("id", "")
+    for kind, name, element in _shapes_of(root):
         where = f"{path}, {kind} {name!r}"
         if element in transforms:
             raise DesignError(f"{where} is moved by a transform; apply it in the drawing program")
@@ -515,6 +541,24 @@ def _of_svg(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
             where,
             replace(area, outline=outline, ellipse=ellipse, salience=next(iter(salience), None)),
         )
+
+
+def _svg_root(path: Path) -> ElementTree.Element:
+    text = _text(path)
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise DesignError(f"{path}: save it as a plain SVG, without a DOCTYPE")
+    try:
+        return ElementTree.fromstring(text)  # noqa: S314 - entities are refused above
+    except ElementTree.ParseError as error:
+        raise DesignError(f"{path} is no SVG: {error}") from error
+
+
+def _shapes_of(root: ElementTree.Element) -> Iterator[tuple[str, str, ElementTree.Element]]:
+    """Yield what is drawn: its kind, its name and its element."""
+    for element in root.iter():
+        kind = str(element.tag).rpartition("}")[2]
+        if kind in ("polygon", "rect", "circle", "ellipse", "path", "polyline"):
+            yield kind, element.get("id", ""), element
 
 
 def _moved_by_transforms(root: ElementTree.Element) -> set[ElementTree.Element]:

@@ -198,7 +198,10 @@ def read_trial(
                     dressings.add(staged_scene.scene.dressed_by)
                     prefix = script.next_prefix(step.column)
                     sheets = getattr(staged_scene, "areas", ())
-                    areas_of[prefix] = frozenset(area.name for one in sheets for area in one.areas)
+                    names = {area.name for one in sheets for area in one.areas}
+                    # Whose picture is gone has a place no more, but its name.
+                    names.update(filter(None, step.scene.options.get("names", ())))
+                    areas_of[prefix] = frozenset(names)
                     sounds += step.sounds
                     onsets = sound_columns(prefix, len(step.sounds))
                     sound_onsets += onsets

@@ -18,6 +18,7 @@ from visavis.protocol.plan.experiment import AfterPractice, Demands, no_progress
 from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial
 from visavis.protocol.plan.steps import Plan
 from visavis.protocol.session.boards import DwellRule, Ways
+from visavis.stimuli.area_paths import FilesGone
 from visavis.stimuli.audible import Audible
 from visavis.stimuli.flat import Flat, Image, Panorama, Video
 from visavis.stimuli.gaze_window import GAZE_WINDOW
@@ -66,7 +67,7 @@ class StudyExperiment:
     """The number of the session, from 1; it matters where sessions are a factor of the study."""
     heads_move: bool = field(default=True, kw_only=True)
     """False repeats a session of an older version: see `Staging.heads_move`."""
-    files_gone: set[str] | None = field(default=None, kw_only=True)
+    files_gone: FilesGone | None = field(default=None, kw_only=True)
     """Files of stimuli and areas that are gone; None refuses them: see `Settings.files_gone`."""
 
     def __post_init__(self) -> None:

@@ -604,7 +604,18 @@ def flat(
         panorama=panorama,
         gaze_window=gaze_window,
     )
-    return StagedFlat(scene, areas=() if losses else areas_of(scene))
+    return StagedFlat(scene, areas=areas_of(_without(losses, scene) if losses else scene))
+
+
+def _without(losses: Sequence[Flat | Panorama], scene: FlatScene) -> FlatScene:
+    """Return a scene without the stimuli whose files are gone."""
+    there = [i for i, item in enumerate(scene.items) if item not in losses]
+    return replace(
+        scene,
+        items=tuple(scene.items[i] for i in there),
+        names=tuple(scene.names[i] for i in there) if scene.names else (),
+        panorama=None if scene.panorama in losses else scene.panorama,
+    )
 
 
 def areas_of(scene: FlatScene) -> tuple[PictureAreas, ...]:

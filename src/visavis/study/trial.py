@@ -251,10 +251,10 @@ class TrialScript(HeardTrial):
         parts = parts_of(what)
         sounds, names, panorama = parts.sounds, parts.names, parts.panorama
         flats = tuple(map(self._with_seed, parts.flats))
-        folder, files_gone = self.settings.folder, self.settings.files_gone
-        if files_gone is not None:
-            flats = tuple(with_areas_there(flat, folder, files_gone) for flat in flats)
-            panorama = panorama and with_areas_there(panorama, folder, files_gone)
+        folder, gone = self.settings.folder, self.settings.files_gone
+        if gone is not None:
+            flats = tuple(with_areas_there(flat, folder, gone) for flat in flats)
+            panorama = panorama and with_areas_there(panorama, folder, gone)
         is_flat = not parts.is_empty
         window = window_of(reveal, window_deg, edge_deg, blur_deg)
         if window is not None and not flats and panorama is None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from visavis.lab.errors import DataError, DesignError
 from visavis.protocol.session.boards import Ways
-from visavis.stimuli.area_paths import is_gone
+from visavis.stimuli.area_paths import FilesGone, is_gone
 from visavis.stimuli.audible import Audible, Sound, Tone, at_ear, gain_db_of, tone_waveform
 from visavis.stimuli.film_file import facts_of
 from visavis.stimuli.flat import Panorama, Video
@@ -47,9 +47,9 @@ class Settings:
     """Answers of which is measured how long their key is held."""
     heads_move: bool = True
     """False repeats a session of an older version: see `Staging.heads_move`."""
-    files_gone: set[str] | None = None
-    """Where a set is given, files of pictures and films that are shown, and of their areas, may be
-    gone, and the set gets their names: a recording has what was measured. None refuses it."""
+    files_gone: FilesGone | None = None
+    """Where it is given, files of pictures and films that are shown, and of their areas, may be
+    gone, and are noted there: a recording has what was measured. None refuses it."""
 
     def note_repeat(self, trial_id: str) -> None:
         """Note that a trial comes again because it asked for it."""
@@ -81,6 +81,7 @@ class Settings:
     def film_seconds(self, film: Video | Panorama) -> float:
         """Return how long a film lasts; of a recording 0 if its file is gone, as of sounds."""
         if self.files_gone is not None and is_gone(film, self.folder):
+            self.files_gone.hides_lengths = True
             return 0.0
         return facts_of(film, self.folder).seconds
 

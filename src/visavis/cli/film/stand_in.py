@@ -17,13 +17,16 @@ from visavis.stimuli.characters.cast import load_cast
 from visavis.stimuli.characters.character import MORPHS, Character
 from visavis.stimuli.characters.sizing import MIN_M, TALLEST_M, scale_to_stature
 from visavis.stimuli.dressing.casting import build_of, default_casting, numbered_people
+from visavis.stimuli.dressing.sitting import cushion_top_m
 from visavis.stimuli.gaze.turning import Aimed
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.kinds import MAX_SEAT_M, MIN_SEAT_M, Idle, Sit
 from visavis.stimuli.motion.people import PeopleMotion, Person
 from visavis.stimuli.motion.seating import eyes_of, seated_under_eyes
 from visavis.stimuli.motion.skeleton import forward
-from visavis.stimuli.picture import Picture, PosedPeople
+from visavis.stimuli.picture import Picture, PosedPeople, Prop, Room
+from visavis.stimuli.rooms.audience_room import HIPS_BEHIND_MIDDLE_M
+from visavis.stimuli.rooms.furniture import chair
 from visavis.study.parts import Posture
 
 PARTS_TRIED = tuple(f"male_{number:02d}" for number in range(12, 0, -1))
@@ -32,6 +35,11 @@ EYES_OF_STATURE = 0.936
 MAX_APART_M = 0.5
 """A body whose head is farther from the headset is not where the participant was."""
 FRESH_NS = NS_PER_S // 5
+OWN_CHAIR = "chair_of_participant"
+SAME_CHAIR_M = 0.5
+"""A chair whose middle is nearer than this to somebody's seat is theirs."""
+FLESH_M = 0.09
+"""How far below the joints of the hips a cushion is, of a figure without flesh there."""
 
 
 class StandIn:
@@ -39,7 +47,8 @@ class StandIn:
 
     The pose is the body tracker's. Without a tracker, or where its head is far from the one that
     the headset measured, the person stands or sits at rest under the measured head: as the study
-    declares, else as the height of their eyes says.
+    declares, else as the height of their eyes says. Who sits has a chair below them, where the
+    room has none there.
     """
 
     def __init__(self, trial: RecordedTrial, posture: Posture | None = None) -> None:
@@ -49,6 +58,7 @@ class StandIn:
         self._body: dict[str, Any] | None = None
         self._own: OwnBody | None = None
         self._rest: tuple[Character, PeopleMotion] | None = None
+        self._rooms: dict[Room, Room] = {}
         schema = trial.recording.stream_schema("body") if "body" in names else None
         if schema is not None:
             field = next(f for f in schema.fields if f.name == "position_m")
@@ -58,6 +68,14 @@ class StandIn:
 
     def in_picture(self, picture: Picture, t_ns: int, head: Pose) -> Picture:
         """Return a picture with the participant in it."""
+        picture_with_body = self._with_body(picture, t_ns, head)
+        room = picture.room
+        if room not in self._rooms:
+            is_seated = (self._posture or posture_of(float(head.position_m[1]))) == "seated"
+            self._rooms[room] = with_chair(room, picture_with_body) if is_seated else room
+        return replace(picture_with_body, room=self._rooms[room])
+
+    def _with_body(self, picture: Picture, t_ns: int, head: Pose) -> Picture:
         row = self._row_at(t_ns)
         if row is not None and self._is_under(head, row):
             if self._own is None:
@@ -115,6 +133,35 @@ class StandIn:
                 np.concatenate([people.morphs_01, np.zeros((1, len(MORPHS)))]),
             ),
         )
+
+
+def with_chair(room: Room, picture: Picture) -> Room:
+    """Return a room with a chair below the last person of a picture; as it is where it has a chair
+    there.
+    """
+    if not room.props:  # flat stimuli, in no place
+        return room
+    character, people = picture.cast[-1], picture.people
+    body = forward(character.skeleton, people.root_m[-1], people.orientation_wxyz[-1])
+    left, right = (
+        body.position_m[character.skeleton.index(f"{side}_upper_leg")] for side in ("left", "right")
+    )
+    across_m, hips_m = right - left, (left + right) / 2
+    facing = np.array([across_m[2], 0.0, -across_m[0]]) / np.hypot(across_m[0], across_m[2])
+    middle_m = hips_m + HIPS_BEHIND_MIDDLE_M * facing
+    if any(_is_chair_at(middle_m, prop) for prop in room.props):
+        return room
+    top_m = cushion_top_m(character, body)
+    seat_m = float(hips_m[1]) - FLESH_M if top_m is None else top_m
+    at_m = (float(middle_m[0]), 0.0, float(middle_m[2]))
+    yaw_deg = float(yaw_pitch_deg_of(facing)[0])
+    return replace(room, props=(*room.props, *chair(OWN_CHAIR, at_m, yaw_deg, seat_m=seat_m)))
+
+
+def _is_chair_at(middle_m: Vector, prop: Prop) -> bool:
+    """Tell whether a thing is a chair around a place."""
+    apart_m = prop.mesh.vertices_m.mean(axis=0) - middle_m
+    return "chair" in prop.name and float(np.hypot(apart_m[0], apart_m[2])) < SAME_CHAIR_M
 
 
 RESTING_JOINTS = (

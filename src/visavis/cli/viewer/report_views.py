@@ -21,7 +21,7 @@ def write_views(folder: Path, out_dir: Path, striking: Sequence[TrialToSee]) -> 
     """Write one page for every session of a study's `folder` with trials to look at.
 
     Trials that never began have nothing to show; a page made before is replaced. Of a session whose
-    pictures are gone none is made, one made before stays, and it is said which is missing.
+    pictures are gone none is made, one made before stays, and both are said.
     """
     of_session = groupby(sorted(striking, key=_session), key=_session)
     trials_by_session = {key: tuple(one.trial_id for one in trials) for key, trials in of_session}
@@ -36,14 +36,17 @@ def write_views(folder: Path, out_dir: Path, striking: Sequence[TrialToSee]) -> 
             study, _ = study_of_folder(folder, recording.manifest.study)
             there = trial_lengths_ns(recording)
             trial_ids = [name for name in dict.fromkeys(names) if name in there]
+            path = out_dir / VIEWS / view_name(participant, session)
             try:
                 header, bundle = page_content(study, recording, trial_ids, lambda _, __: None)
             except DesignError as problem:  # a picture that was shown is gone
-                NOTIFIER.warn(f"no page of trials of {recording.path}: {problem}")
+                made, is_opened = "page", ""
+                if path.is_file():
+                    made, is_opened = "new page", f"; the report opens {path.name} of before"
+                NOTIFIER.warn(f"no {made} of trials of {recording.path}: {problem}{is_opened}")
                 continue
             make_folder(out_dir / VIEWS, exist_ok=True)
-            page = page_of(header, bundle).encode()
-            replace_file(out_dir / VIEWS / view_name(participant, session), page)
+            replace_file(path, page_of(header, bundle).encode())
         on_progress(len(trials_by_session), len(trials_by_session))
 
 

@@ -77,7 +77,7 @@ def scene_content(
         "t1": times.s(part, end_ns),
         "rate": SAMPLES_PER_S,
         "n": n,
-        "room": models.room(first.room),
+        "room": models.room(samples[0].full_picture.room),
         "cast": [models.person(c) for c in samples[0].full_picture.cast],
         "participant": len(first.cast)
         if len(samples[0].full_picture.cast) > len(first.cast)

@@ -52,7 +52,7 @@ def design_of(experiment: StudyExperiment) -> dict[str, Any]:
             for name, response in experiment.responses.items()
         },
         "scenes": _scenes(experiment),
-        "trials": _lengths(experiment),
+        **_lengths(experiment),
         PRACTICE_UNTIL_KEY: {} if until is None else asdict(until),
     }
     design: dict[str, Any] = as_json(content)
@@ -60,13 +60,14 @@ def design_of(experiment: StudyExperiment) -> dict[str, Any]:
 
 
 def _lengths(experiment: StudyExperiment) -> dict[str, Any]:
-    """Return how long trials last; nothing where sounds play, whose files may lie elsewhere."""
-    read = experiment.read.values()
-    return (
-        {}
-        if any(t.sounds for t in read)
-        else {"seconds": sorted({round(t.seconds, 3) for t in read})}
-    )
+    """Return the entry with how long trials last: nothing in it where sounds play, whose files may
+    lie elsewhere; no entry where a film is gone that would tell.
+    """
+    read, gone = experiment.read.values(), experiment.files_gone
+    if gone is not None and gone.hides_lengths:
+        return {}
+    seconds = sorted({round(t.seconds, 3) for t in read})
+    return {"trials": {} if any(t.sounds for t in read) else {"seconds": seconds}}
 
 
 def _scenes(experiment: StudyExperiment) -> dict[str, dict[str, Any]]:

@@ -381,7 +381,7 @@ def _with_recorded_design(
     parameters = {} if settings is None else settings.parameters
     now = opened_study.experiment(parameters, is_recorded=True)
     stimuli = opened_study.study.files.trial_folder
-    losses = set(now.files_gone or ()).union(
+    losses = set(now.files_gone.names if now.files_gone else ()).union(
         *(files_gone(m.configuration, stimuli) for m in manifests)
     )
     if losses:

@@ -7,10 +7,9 @@ from functools import lru_cache
 import numpy as np
 
 from visavis.lab.geometry import Vector
-from visavis.stimuli.characters.body_parts import PART_INDEX
 from visavis.stimuli.characters.character import Character
-from visavis.stimuli.characters.skinning import skin_vertices
 from visavis.stimuli.dressing.casting import Casting, build_of, default_casting
+from visavis.stimuli.dressing.sitting import cushion_top_m
 from visavis.stimuli.gaze.turning import Aimed
 from visavis.stimuli.motion.build import Build
 from visavis.stimuli.motion.errors import MotionError
@@ -39,11 +38,6 @@ ATTENTIVE = Sit(lively=0.25)
 MAX_ARMS_ASIDE_M = 0.24
 """Largest sideways distance of elbows and wrists from the seat's middle, to spare neighbours."""
 TOE_M = 0.07
-SAT_ON = tuple(PART_INDEX[name] for name in ("torso", "left_thigh", "right_thigh"))
-BELOW_HIPS_M = 0.20
-"""How far from the hips it reaches."""
-SINK_M = 0.02
-"""How deep somebody sinks into a cushion."""
 MEN_TRIED = 24
 FACING_OF_SPEAKER = np.array([0.0, 1.2, -2.5]) - audience.SPEAKER_EYE_M * np.array([1.0, 0.74, 1.0])
 
@@ -167,17 +161,12 @@ def _sunk_m(character: Character, person: Person) -> float:
     """Return how far above the height of their seat a cushion is that somebody sinks into; 0 of a
     figure without flesh there.
     """
-    mesh = character.levels[0]
-    rows = np.unique(mesh.triangles[np.isin(mesh.triangle_part, SAT_ON)])
     pose = PeopleMotion((person,)).at(0.0)
     body = forward(character.skeleton, pose.root_m[0], pose.orientation_wxyz[0])
-    points = skin_vertices(mesh, character.skeleton, body)[rows]
-    hips = [character.skeleton.index(f"{side}_upper_leg") for side in ("left", "right")]
-    apart_m = points - body.position_m[hips].mean(axis=0)
-    below = points[np.hypot(apart_m[:, 0], apart_m[:, 2]) < BELOW_HIPS_M, 1]
-    if not len(below) or not isinstance(person.does, Sit):
+    top_m = cushion_top_m(character, body)
+    if top_m is None or not isinstance(person.does, Sit):
         return 0.0
-    return float(below.min()) + SINK_M - person.place_m[1] - person.does.seat_m
+    return top_m - person.place_m[1] - person.does.seat_m
 
 
 def audience_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> Picture:
