@@ -87,6 +87,21 @@ def test_a_later_face_comes_within_its_time_and_stays():
     assert pytest.approx([0.0, 0.5, 1.0, 1.0]) == smiles
 
 
+def test_a_face_goes_as_it_came():
+    smiles = [
+        of_face(t, face="smile", face_from_s=1.0, face_until_s=3.0)["smile"]
+        for t in (1.25, 2.0, 3.0, 3.25, 3.5, 9.0)
+    ]
+    assert pytest.approx([0.5, 1.0, 1.0, 0.5, 0.0, 0.0]) == smiles
+
+
+def test_faces_that_are_joined_are_made_at_once():
+    face = of_face(0.0, face="smile+open_mouth", face_01=0.5)
+    assert {"smile": 0.5, "jaw_open": 0.2} == pytest.approx(
+        {name: face[name] for name in ("smile", "jaw_open")}
+    )
+
+
 @pytest.mark.parametrize(("active", "smiles"), [("left", [1.0, 0.0]), ("right", [0.0, 1.0])])
 def test_of_two_people_the_active_one_makes_the_face(active, smiles):
     with_face = shapes("two_people", 0.0, active=active, face="smile")
@@ -117,6 +132,9 @@ def test_who_talks_while_smiling_does_both():
         ({"face": "smlie"}, "did you mean 'smile'"),
         ({"face": "smile", "face_01": 1.5}, "strength 1.5"),
         ({"face": "smile", "face_from_s": -1.0}, "from -1 s"),
+        ({"face": "smile+forwn"}, "no face 'forwn'; did you mean 'frown'"),
+        ({"face": "smile", "face_from_s": 2.0, "face_until_s": 2.0}, "from 2 until 2 s"),
+        ({"face_until_s": 2.0}, "are of a face; name it"),
         ({"face_01": 0.5}, "are of a face; name it"),
         ({"face_from_s": 2.0}, "are of a face; name it"),
     ],

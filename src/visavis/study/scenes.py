@@ -66,7 +66,7 @@ ROOM: Final = "room"
 """The scene of a laboratory's own room with nobody in it, which `t.show(Room(…))` makes."""
 PAIR: Final = "pair"
 """The scene that shows two others side by side: `Scene("pair", left=Scene(…), right=Scene(…))`."""
-FACE_OPTIONS: Final = ("face", "face_01", "face_from_s")
+FACE_OPTIONS: Final = ("face", "face_01", "face_from_s", "face_until_s")
 """What a scene of people takes beside its own options: the face of the active person."""
 AROUND: Final = ("room", *FACE_OPTIONS)
 BESIDE_M: Final = 0.75
@@ -459,8 +459,9 @@ def _with_face(
     face: str = "",
     face_01: float = 1.0,
     face_from_s: float = 0.0,
+    face_until_s: float = np.inf,
 ) -> StagedScene:
-    """Return a scene whose active person makes a face, so much of it, from then on."""
+    """Return a scene whose active person makes a face, so much of it, from then on until then."""
     gathering = staged_scene.scene
     if (
         not isinstance(staged_scene, WithEyes)
@@ -469,9 +470,11 @@ def _with_face(
     ):
         raise DesignError(f"nobody in scene {scene.name} makes faces; leave out face")
     if not face:
-        raise DesignError(f"scene {scene.name}: face_01 and face_from_s are of a face; name it")
+        raise DesignError(
+            f"scene {scene.name}: {', '.join(FACE_OPTIONS[1:])} are of a face; name it"
+        )
     try:
-        expression = Face(face, face_01, face_from_s)
+        expression = Face(face, face_01, face_from_s, face_until_s)
     except MotionError as error:
         raise DesignError(f"scene {scene.name}: {error}") from error
     people, who = list(gathering.people), staged_scene.roles["active"]

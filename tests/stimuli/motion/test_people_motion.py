@@ -1,7 +1,7 @@
 """People as functions of time: repeatable, independent of each other, planted on the floor."""
 
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import pytest
@@ -12,7 +12,21 @@ from visavis.stimuli.gaze.turning import Aimed
 from visavis.stimuli.motion.build import Build, build_of_skeleton
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.errors import MotionError
-from visavis.stimuli.motion.kinds import Idle, Kind, Phone, Recorded, Sit, Wave
+from visavis.stimuli.motion.kinds import (
+    Crouch,
+    Hand,
+    Idle,
+    Kind,
+    Phone,
+    Recorded,
+    Run,
+    Sit,
+    Talk,
+    Text,
+    Walk,
+    WatchBoard,
+    Wave,
+)
 from visavis.stimuli.motion.people import Alone, Doing, HeldHeads, PeopleMotion, Person
 from visavis.stimuli.motion.seating import eyes_of, seated_under_eyes
 from visavis.stimuli.motion.skeleton import Placement, Skeleton, canonical_skeleton, forward
@@ -31,6 +45,17 @@ KINDS: tuple[Kind, ...] = (
 @lru_cache
 def build(stature_m: float = 1.75) -> Build:
     return build_of_skeleton(canonical_skeleton(stature_m))
+
+
+def recorded_bow(skeleton: Skeleton) -> Clip:
+    """A clip of a second: bowing and rising, written down every thirtieth."""
+    turns = np.zeros((31, 55, 4))
+    turns[..., 0] = 1.0
+    half = np.radians(20.0) * np.sin(np.linspace(0.0, np.pi, 31)) ** 2
+    turns[:, skeleton.index("spine"), 0] = np.cos(half)
+    turns[:, skeleton.index("spine"), 1] = -np.sin(half)
+    root = np.tile([0.0, 0.53 * 1.75, 0.0], (31, 1))
+    return Clip(skeleton, 1 / 30, root, turns)
 
 
 def crowd() -> PeopleMotion:
@@ -163,6 +188,58 @@ def test_changing_from_one_thing_to_the_next_does_not_pop() -> None:
     assert motion.posture(3.5)[0, 0:12] == pytest.approx(after.posture(1.5)[0, 0:12], abs=1e-12)
 
 
+EVERY_KIND: tuple[Kind, ...] = (
+    *KINDS,
+    *(Wave(hand=hand) for hand in get_args(Hand)),
+    Wave(seat_m=0.45),
+    Phone(),
+    Phone("left", talk_01=1.0),
+    Text(),
+    WatchBoard(),
+    Talk(),
+    Crouch(),
+    Walk(),
+    Walk(distance_m=4.0),
+    Run(),
+    Run(distance_m=9.0),
+    Recorded(recorded_bow(build().skeleton)),
+)
+FRAMES_HZ = 90.0
+POSE = ("root_m", "orientation_wxyz")
+
+
+def steps_m(motion: PeopleMotion, times_s: Vector) -> Vector:
+    """Return how far each person's farthest joint moves from time to time (times - 1, n)."""
+    skeleton = build().skeleton
+    poses = [motion.at(float(t)) for t in times_s]
+    roots, turns = (np.array([getattr(pose, name) for pose in poses]) for name in POSE)
+    path = forward(skeleton, roots, turns).position_m
+    return np.asarray(np.linalg.norm(np.diff(path, axis=0), axis=-1).max(axis=-1), np.float64)
+
+
+def test_every_kind_is_among_those_that_are_looked_at_for_jumps() -> None:
+    assert set(get_args(Kind)) == {type(kind) for kind in EVERY_KIND}
+
+
+def test_nothing_that_people_do_jumps() -> None:
+    motion = PeopleMotion(tuple(Person(build(), kind, 3) for kind in EVERY_KIND))
+    slow, fast = (
+        steps_m(motion, np.arange(0.7, 3.4, 1 / rate_hz)).max(axis=0)
+        for rate_hz in (FRAMES_HZ, 4 * FRAMES_HZ)
+    )
+    # Looked at four times as often, movements are a quarter as large; jumps stay.
+    assert (fast < 0.3 * slow + 1e-3).all(), [EVERY_KIND[i] for i in (fast - 0.3 * slow).argsort()]
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_hands_do_not_turn_over_where_one_thing_leads_to_the_next(seed: int) -> None:
+    staying = [kind for kind in EVERY_KIND if not isinstance(kind, Walk | Run | Recorded)]
+    changes = [(one, other) for one in staying for other in staying if one != other]
+    people = [Person(build(), (Doing(a), Doing(b, 2.0)), seed) for a, b in changes]
+    steps = steps_m(PeopleMotion(tuple(people)), np.arange(1.9, 2.9, 1 / FRAMES_HZ)).max(axis=0)
+    assert steps.max() < 0.08, changes[int(steps.argmax())]  # 7 m/s; it was .34 m in one frame
+
+
 def test_a_change_before_the_last_one_has_ended_is_refused() -> None:
     plan = (Doing(Idle()), Doing(Sit(), 2.0, 1.0), Doing(Idle(), 2.5))
     with pytest.raises(MotionError, match="before a fade ends"):
@@ -190,17 +267,6 @@ def test_a_given_floor_decides_the_height_of_the_seat() -> None:
     assert eyes_of(person.build, person.does, 3)[1] == pytest.approx(1.2, abs=1e-6)
     with pytest.raises(MotionError, match="another size"):
         seated_under_eyes(build(), eyes, facing=facing, seed=3, floor_m=0.9)
-
-
-def recorded_bow(skeleton: Skeleton) -> Clip:
-    """A clip of a second: bowing and rising, written down every thirtieth."""
-    turns = np.zeros((31, 55, 4))
-    turns[..., 0] = 1.0
-    half = np.radians(20.0) * np.sin(np.linspace(0.0, np.pi, 31)) ** 2
-    turns[:, skeleton.index("spine"), 0] = np.cos(half)
-    turns[:, skeleton.index("spine"), 1] = -np.sin(half)
-    root = np.tile([0.0, 0.53 * 1.75, 0.0], (31, 1))
-    return Clip(skeleton, 1 / 30, root, turns)
 
 
 def test_a_clip_is_one_of_the_things_people_do() -> None:

@@ -1,4 +1,4 @@
-"""Expressions of faces: which shapes go how far, from when on."""
+"""Expressions of faces: which shapes go how far, from when on and until when."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -34,10 +34,10 @@ CHANGE_S: Final = 0.5
 @dataclass(frozen=True)
 @of_kinds()
 class Face:
-    """An expression, how much of it, and since when.
+    """An expression, or several joined by "+" that are made at once, how much, and when.
 
-    One from 0 s on is there at the onset; a later one comes within `CHANGE_S`. It `is_full` on a
-    figure that has shapes of its own for it (`face_of`).
+    One from 0 s on is there at the onset; a later one comes within `CHANGE_S`, and goes within as
+    long from `until_s` on. It `is_full` on a figure that has shapes of its own for it (`face_of`).
 
     Raises:
         MotionError: there is no such expression, or a number is out of range.
@@ -46,33 +46,45 @@ class Face:
     expression: str = "neutral"
     strength_01: float = 1.0
     from_s: float = 0.0
+    until_s: float = np.inf
     is_full: bool = False
 
     def __post_init__(self) -> None:
-        if self.expression not in EXPRESSIONS:
-            raise MotionError(
-                f"no face {self.expression!r}{did_you_mean(self.expression, EXPRESSIONS)}"
-            )
+        for name in self.parts:
+            if name not in EXPRESSIONS:
+                raise MotionError(f"no face {name!r}{did_you_mean(name, EXPRESSIONS)}")
         if not (0.0 <= self.strength_01 <= 1.0 and 0.0 <= self.from_s < np.inf):
             raise MotionError(
                 f"face {self.expression} with strength {self.strength_01:g} from {self.from_s:g} s "
                 "on; give 0 to 1, and a time from the onset"
             )
+        if not self.until_s > self.from_s:
+            raise MotionError(
+                f"face {self.expression} from {self.from_s:g} until {self.until_s:g} s; give a later "
+                "end"
+            )
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The expressions that are made at once."""
+        return tuple(name.strip() for name in self.expression.split("+"))
 
     def weights(self, t_s: float) -> Vector:
         """Return how far each shape of `MORPHS` goes at a time after the onset."""
         share = 1.0 if self.from_s == 0.0 else ease((t_s - self.from_s) / CHANGE_S)
+        share *= 1.0 - ease((t_s - self.until_s) / CHANGE_S)
         weights = np.zeros(len(MORPHS))
-        expressions = FULL_EXPRESSIONS if self.is_full else EXPRESSIONS
-        for shape, weight in expressions[self.expression].items():
-            weights[MORPHS.index(shape)] = share * self.strength_01 * weight
-        return weights
+        expressions = {**EXPRESSIONS, **FULL_EXPRESSIONS} if self.is_full else EXPRESSIONS
+        for name in self.parts:
+            for shape, weight in expressions[name].items():
+                weights[MORPHS.index(shape)] += share * self.strength_01 * weight
+        return np.clip(weights, -1.0, 1.0)
 
 
 def face_of(character: Character, face: Face) -> Face:
     """Return a face as a character makes it: by shapes of its own for it, where it has them."""
-    shapes = FULL_EXPRESSIONS.get(face.expression)
-    has_shapes = shapes is not None and shapes.keys() <= character.levels[0].morphs.keys()
+    shapes = {shape for name in face.parts for shape in FULL_EXPRESSIONS.get(name, ())}
+    has_shapes = bool(shapes) and shapes <= character.levels[0].morphs.keys()
     return replace(face, is_full=True) if has_shapes else face
 
 
@@ -80,11 +92,10 @@ def shape_lacking(character: Character, expression: str) -> str | None:
     """Return what the shape is called in files that a character would need for an expression; None
     if there is nothing that it lacks.
     """
-    if face_of(character, Face(expression)).is_full:
-        return None
-    shapes = character.levels[0].morphs
-    lacking = (shape for shape in EXPRESSIONS[expression] if shape not in shapes)
-    return next((SHAPES_OF_FILES[shape] for shape in lacking), None)
+    face, shapes = face_of(character, Face(expression)), character.levels[0].morphs
+    own = FULL_EXPRESSIONS if face.is_full else {}
+    needs = [shape for name in face.parts if name not in own for shape in EXPRESSIONS[name]]
+    return next((SHAPES_OF_FILES[shape] for shape in needs if shape not in shapes), None)
 
 
 NEUTRAL: Final = Face()

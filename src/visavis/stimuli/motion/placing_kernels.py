@@ -66,3 +66,12 @@ def mix_rows(controls: Vector, rows: npt.NDArray[np.int64], other: Vector, share
             c[j] = (1.0 - h) * before[j] + h * c[j]
         for side in range(2):
             c[p.LEG + side * p.LEG_SIZE + p.ANKLE + 1] += lifts[side]
+            # A hand that goes to another place of the same thing has two holds meanwhile: mixed
+            # directions would nearly cancel out, and turn it over at once.
+            for hold in range(p.HOLDS):
+                a = p.ARM + side * p.ARM_SIZE + p.HOLD + hold * p.HOLD_SIZE
+                if before[a] > 0.0 and c[a] > (1.0 - s) * before[a]:
+                    earlier = a + p.HOLDS * p.HOLD_SIZE
+                    for k in range(p.HOLD_SIZE):
+                        c[earlier + k] = (1.0 - s) * before[a + k]
+                        c[a + k] -= c[earlier + k]

@@ -39,7 +39,7 @@ KNEE_OUT: Final = 7
 
 ARM: Final = 28
 """Start of the left arm; the right one follows after `ARM_SIZE`."""
-ARM_SIZE: Final = 65
+ARM_SIZE: Final = 105
 SHOULDER_UP: Final = 0
 SHOULDER_FORWARD: Final = 1
 ARM_FLEX: Final = 2
@@ -70,7 +70,8 @@ ELBOW_BESIDE: Final = 24
 HOLD: Final = 25
 """Start of the holds: weight, then place (3), finger direction (3) and palm direction (3), all
 already multiplied by the weight, in the axes of the held thing. The weights of an arm sum to at
-most one; the rest belongs to the joint angles above."""
+most one; the rest belongs to the joint angles above. After a hold of each thing comes the one that
+a hand is letting go of, of each thing again."""
 HOLD_SIZE: Final = 10
 CHEST: Final = 0
 HEAD: Final = 1

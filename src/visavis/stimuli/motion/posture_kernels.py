@@ -34,15 +34,20 @@ from visavis.stimuli.motion.quaternion_kernels import (
     twist_about,
     unit_of,
 )
+from visavis.stimuli.motion.rhythm_kernels import ease
 
 MAX_KNEE = np.radians(150.0)
 MAX_ELBOW = np.radians(146.0)
 EASY_REACH = 0.93
 """Share of the arm's length that a hand at rest is away; straighter elbows cannot give way."""
 MAX_FOREARM_TWIST = np.radians(80.0)
+UNREACHED_TWIST = np.radians(120.0)
+"""From here on a forearm's twist falls back to none, half a turn away."""
 MIN_WRIST = (np.radians(-36.0), np.radians(-70.0))
 MAX_WRIST = (np.radians(42.0), np.radians(80.0))
 """Limits of a left wrist: towards thumb and little finger, back and palm."""
+LEAST_SHARE = 1e-9
+"""A hold of less weight is none."""
 FOREARM_SHARE = 0.5
 """Share of the forearm's twist at the elbow end; the rest is at the wrist."""
 SPINE_SHARE = (0.30, 0.35, 0.35)
@@ -243,6 +248,16 @@ def _possible_wrist(q: Quat) -> Quat:
 
 
 @compiled
+def _possible_twist(full: float) -> float:
+    """Limit a forearm's twist (-pi to pi) to what forearms can do, without a seam at half a turn:
+    who would have to turn the palm all round goes back through the middle.
+    """
+    beyond = (abs(full) - UNREACHED_TWIST) / (np.pi - UNREACHED_TWIST)
+    most = MAX_FOREARM_TWIST * (1.0 - ease(beyond))
+    return float(min(most, max(-most, full)))
+
+
+@compiled
 def _slid_back(to: Triple, way: Triple, upper: Triple, lower: Triple) -> float:
     """Return how far a hand slides along `way` until the elbow is bent, at most to the nearest."""
     most = EASY_REACH * (np.sqrt(dot(upper, upper)) + np.sqrt(dot(lower, lower)))
@@ -282,6 +297,35 @@ def _swivel_elbow(
 
 
 @compiled
+def _axes_of(hold: int, side: int, chest: Quat, thigh_turn: Quat, world: Vector) -> Quat:
+    """Return how the thing of a hold is turned, reflected to the left for side 1."""
+    if hold == p.CHEST:
+        return chest
+    if hold == p.THIGH:
+        return thigh_turn
+    axes = quat_of(world[p.J_HEAD if hold == p.HEAD else p.J_HIPS])
+    return mirror_quat(axes) if side == 1 else axes
+
+
+@compiled
+def _origin_of(hold: int, side: int, chest_at: Triple, place: Vector) -> Triple:
+    """Return where the thing of a hold is, reflected to the left for side 1."""
+    if hold == p.CHEST:
+        return chest_at
+    if hold == p.THIGH:
+        return _vector(place[p.J_SIDE + side * p.SIDE_SIZE + p.S_UPPER_LEG], 0)
+    at = _vector(place[p.J_HEAD if hold == p.HEAD else p.J_HIPS], 0)
+    return (-at[0], at[1], at[2]) if side == 1 else at
+
+
+@compiled
+def _wrist_of(upper: Quat, hinge: Quat, along: Triple, twist: float, hand: Quat) -> Quat:
+    """Return the wrist's turn that, after a forearm's twist, turns a hand as given (world)."""
+    forearm = times(hinge, about(along, FOREARM_SHARE * twist))
+    return _possible_wrist(times(inverse(times(upper, forearm)), hand))
+
+
+@compiled
 def _arm(
     side: int,
     a: Vector,
@@ -316,38 +360,29 @@ def _arm(
         times(times(times(upper, hinge), about(along, a[p.PRONATION])), about_y(-a[p.DEVIATION])),
         about_z(a[p.WRIST]),
     )
-    twist = a[p.PRONATION]
+    free_turn = times(inverse(times(upper, hinge)), hand)
     hold_share = 0.0
-    for hold in range(p.HOLDS):
+    for hold in range(2 * p.HOLDS):
         hold_share += a[p.HOLD + hold * p.HOLD_SIZE]
     if hold_share > 1e-6:
-        # Blend wrist place, fingers, palm and elbow side by the holds' weights, then solve the limb
-        # once: blending joint angles instead would move the hand off the held thing.
+        # Blend wrist place and elbow side by the holds' weights, then solve the limb once: blending
+        # joint angles instead would move the hand off the held thing. The hand is blended by how
+        # it is turned against the forearm: directions of fingers and palm nearly cancel out between
+        # opposite holds, and the hand would turn over within a millisecond.
         free = max(0.0, 1.0 - hold_share)
         elbow_at = plus(at, rotate_vector(upper, upper_bone))
         free_hand = plus(elbow_at, rotate_vector(times(upper, hinge), lower_bone))
         goal = scale_vector(free_hand, free)
-        fingers = scale_vector(rotate_vector(hand, LEFT_X), free)
-        palm = scale_vector(rotate_vector(hand, DOWN), free)
         to_free = unit_of(minus(free_hand, at), DOWN)
         pole = scale_vector(square_to(minus(elbow_at, at), to_free, BACK), free)
         pole = plus(pole, scale_vector(rotate_vector(chest, _vector(a, p.POLE)), hold_share))
-        for hold in range(p.HOLDS):
+        for hold in range(2 * p.HOLDS):
             h = a[p.HOLD + hold * p.HOLD_SIZE : p.HOLD + (hold + 1) * p.HOLD_SIZE]
-            if h[0] <= 1e-9:
+            if h[0] <= LEAST_SHARE:
                 continue
-            if hold == p.CHEST:
-                axes, origin = chest, chest_at
-            elif hold == p.THIGH:
-                axes, origin = thigh_turn, _vector(place[first + p.S_UPPER_LEG], 0)
-            else:
-                joint = p.J_HEAD if hold == p.HEAD else p.J_HIPS
-                axes, origin = quat_of(world[joint]), _vector(place[joint], 0)
-                if side == 1:
-                    axes, origin = mirror_quat(axes), (-origin[0], origin[1], origin[2])
+            axes = _axes_of(hold % p.HOLDS, side, chest, thigh_turn, world)
+            origin = _origin_of(hold % p.HOLDS, side, chest_at, place)
             goal = plus(goal, plus(scale_vector(origin, h[0]), rotate_vector(axes, _vector(h, 1))))
-            fingers = plus(fingers, rotate_vector(axes, _vector(h, 4)))
-            palm = plus(palm, rotate_vector(axes, _vector(h, 7)))
         to = minus(goal, at)
         if a[p.ELBOW_BESIDE] > 0.0:
             to_hip = rotate_vector(thigh_turn, (0.0, 1.0, 0.0))
@@ -361,19 +396,33 @@ def _arm(
         bend = bend_for(upper_bone, lower_bone, ELBOW_HINGE, np.sqrt(dot(to, to)), MAX_ELBOW)
         upper = limb_turn(upper_bone, lower_bone, ELBOW_HINGE, bend, to, pole)
         hinge = about(ELBOW_HINGE, bend)
-        f = unit_of(fingers, rotate_vector(hand, LEFT_X))
-        palm = square_to(palm, f, rotate_vector(hand, DOWN))
-        hand = frame_to_frame(LEFT_X, DOWN, f, palm)
         local = times(inverse(girdle), upper)
-        whole = times(upper, hinge)
-        within = times(inverse(whole), hand)
-        # The hand's twist about the forearm, limited to what forearms can do.
-        full_twist = twist_about(within, along)
-        twist = min(MAX_FOREARM_TWIST, max(-MAX_FOREARM_TWIST, full_twist))
-        # A palm beyond the largest twist stops before it reaches its direction.
-        hand = times(whole, times(about(along, twist - full_twist), within))
+        whole, share, twist = times(upper, hinge), 0.0, 0.0
+        wrist = (1.0, 0.0, 0.0, 0.0)
+        if free > LEAST_SHARE:
+            share, twist = free, free * a[p.PRONATION]
+            wrist = _wrist_of(upper, hinge, along, a[p.PRONATION], times(whole, free_turn))
+        for hold in range(2 * p.HOLDS):
+            h = a[p.HOLD + hold * p.HOLD_SIZE : p.HOLD + (hold + 1) * p.HOLD_SIZE]
+            if h[0] <= LEAST_SHARE:
+                continue
+            axes = _axes_of(hold % p.HOLDS, side, chest, thigh_turn, world)
+            fingers = unit_of(rotate_vector(axes, _vector(h, 4)), rotate_vector(hand, LEFT_X))
+            palm = square_to(rotate_vector(axes, _vector(h, 7)), fingers, rotate_vector(hand, DOWN))
+            within = times(inverse(whole), frame_to_frame(LEFT_X, DOWN, fingers, palm))
+            # The hand's twist about the forearm, limited to what forearms can do: a palm beyond
+            # the largest twist stops before it reaches its direction.
+            full_twist = twist_about(within, along)
+            own_twist = _possible_twist(full_twist)
+            held = times(whole, times(about(along, own_twist - full_twist), within))
+            own_wrist = _wrist_of(upper, hinge, along, own_twist, held)
+            wrist = mix_quats(wrist, own_wrist, h[0] / (share + h[0])) if share > 0.0 else own_wrist
+            share, twist = share + h[0], twist + h[0] * own_twist
+        twist /= share
+    else:
+        twist = a[p.PRONATION]
+        wrist = _wrist_of(upper, hinge, along, twist, hand)
     forearm = times(hinge, about(along, FOREARM_SHARE * twist))
-    wrist = _possible_wrist(times(inverse(times(upper, forearm)), hand))
     if side == 1:
         clavicle, local = mirror_quat(clavicle), mirror_quat(local)
         forearm, wrist = mirror_quat(forearm), mirror_quat(wrist)
