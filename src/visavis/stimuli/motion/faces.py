@@ -60,8 +60,8 @@ class Face:
             )
         if not self.until_s > self.from_s:
             raise MotionError(
-                f"face {self.expression} from {self.from_s:g} until {self.until_s:g} s; give a later "
-                "end"
+                f"face {self.expression} from {self.from_s:g} until {self.until_s:g} s; give a "
+                "later end"
             )
 
     @property
