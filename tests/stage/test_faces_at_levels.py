@@ -30,6 +30,11 @@ MAX_CODES = (0.0, 4.8, 7.5)
 covered as many pixels as the full ones differed by up to 7 and 14."""
 
 
+MAX_LOPSIDED_CODES = 4.0
+"""By how much both sides of a light face may differ more than those of the full one, which differ by
+8 to 16 codes in the light of a room."""
+
+
 def _at_level(level: int) -> DetailRule:
     return DetailRule(faces_px=(1e9,) * level + (0.0,), finest=level, budget_triangles=None)
 
@@ -72,6 +77,13 @@ def test_faces_at_the_distance_where_a_level_begins_look_like_full_faces(rendere
             full, light = (_face(renderers[k], person, face_px, yaw_deg) for k in (0, level))
             assert full.std() > 10  # there is a face
             assert MAX_CODES[level] > np.abs(full - light).mean()
+            lopsided = _lopsided_codes(light) - _lopsided_codes(full)
+            assert yaw_deg or lopsided < MAX_LOPSIDED_CODES
+
+
+def _lopsided_codes(face: npt.NDArray[np.float64]) -> float:
+    """Return the mean difference between both sides of a face that is seen from the front."""
+    return float(np.abs(face - face[:, ::-1]).mean())
 
 
 def test_thinning_keeps_nose_lips_and_lids_before_the_rest(renderers):
