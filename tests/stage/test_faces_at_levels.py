@@ -31,8 +31,8 @@ covered as many pixels as the full ones differed by up to 7 and 14."""
 
 
 MAX_LOPSIDED_CODES = 4.0
-"""By how much both sides of a light face may differ more than those of the full one, which differ by
-8 to 16 codes in the light of a room."""
+"""By how much both sides of a light face may differ more than those of the full one, which differ
+by 8 to 16 codes in the light of a room."""
 
 
 def _at_level(level: int) -> DetailRule:
