@@ -4,6 +4,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image, ImageFont
 from typer.testing import CliRunner
@@ -45,6 +46,30 @@ def test_sheet_holds_two_faces_of_everybody_named(tmp_path: Path) -> None:
         )
         assert len(left.convert("RGB").getcolors(10**6) or ()) > 500
         assert left.tobytes() != right.tobytes()
+
+
+@pytest.mark.usefixtures("can_draw")
+@pytest.mark.parametrize("more", [(), ("--at", "2")])
+def test_faces_by_a_lamp_in_the_evening_are_darker_and_warmer(
+    more: tuple[str, ...], tmp_path: Path
+) -> None:
+    means = []
+    for light in ("day", "evening"):
+        sheet(tmp_path / f"{light}.png", "anna", "--light", light, *more, "--library", tmp_path)
+        with Image.open(tmp_path / f"{light}.png") as picture:
+            face = np.asarray(picture.convert("RGB"), np.float64)[100:200, 80:160]
+        means.append(face.mean(axis=(0, 1)))
+    day, evening = means
+    assert evening.mean() < 0.7 * day.mean()
+    assert day[0] / day[2] < evening[0] / evening[2]
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_sheet_shows_expressions_that_are_made_at_once(tmp_path: Path) -> None:
+    sheet(tmp_path / "faces.png", "anna", "--face", "smile,smile+open_mouth", "--library", tmp_path)
+    with Image.open(tmp_path / "faces.png") as picture_of_all:
+        one, both = (picture_of_all.crop((x, TITLE_PX, x + 480, TITLE_PX + 260)) for x in (0, 480))
+        assert one.tobytes() != both.tobytes()
 
 
 @pytest.mark.usefixtures("can_draw")

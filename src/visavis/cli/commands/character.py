@@ -39,6 +39,7 @@ from visavis.stimuli.characters.library import (
     people_in,
 )
 from visavis.stimuli.motion.faces import EXPRESSIONS
+from visavis.stimuli.rooms.portrait import LightOf
 
 characters = typer.Typer(
     help="People for scenes: list them, import your own, look at them.", no_args_is_help=True
@@ -136,6 +137,7 @@ def sheet_command(
     face: Annotated[
         str, typer.Option(help="Expressions side by side, such as neutral,smile,frown.")
     ] = "",
+    light: Annotated[LightOf, typer.Option(help="By day, or by a lamp in the evening.")] = "day",
     config: ConfigOption = None,
     library: LibraryOption = None,
 ) -> None:
@@ -152,7 +154,7 @@ def sheet_command(
     if gaze and not distances_m:
         raise UsageError("--gaze needs --at with the distances in metres, such as --at 2,3.5,5")
     expressions = tuple(filter(None, map(str.strip, face.split(","))))
-    for expression in expressions:
+    for expression in (part.strip() for joint in expressions for part in joint.split("+")):
         if expression not in EXPRESSIONS:
             near = did_you_mean(expression, EXPRESSIONS)
             raise UsageError(f"there is no face {expression!r}{near}")
@@ -174,9 +176,9 @@ def sheet_command(
     ]
     say_when_compiling()
     sheet = (
-        distance_sheet(people, distances_m, px_per_deg)
+        distance_sheet(people, distances_m, px_per_deg, light)
         if distances_m
-        else people_sheet(SHEET_TILE_PX, people, expressions)
+        else people_sheet(SHEET_TILE_PX, people, expressions, light)
     )
     sheet.save(png)
     say_written(png)

@@ -25,7 +25,7 @@ from visavis.stimuli.motion.kinds import Idle
 from visavis.stimuli.motion.people import PeopleMotion, Person
 from visavis.stimuli.motion.skeleton import forward
 from visavis.stimuli.picture import Picture
-from visavis.stimuli.rooms.portrait import portrait_studio
+from visavis.stimuli.rooms.portrait import LightOf, portrait_studio
 
 TURNED_DEG = 32.0
 COLUMNS = 6
@@ -35,7 +35,10 @@ TILE_PX = 240
 
 
 def people_sheet(
-    size_px: tuple[int, int], people: Sequence[Character], expressions: Sequence[str] = ()
+    size_px: tuple[int, int],
+    people: Sequence[Character],
+    expressions: Sequence[str] = (),
+    light: LightOf = "day",
 ) -> Image.Image:
     """Return faces, each `size_px`, with names: from the front and turned, or a row of expressions
     from the front for each person.
@@ -49,7 +52,7 @@ def people_sheet(
             if not character.has_gaze:
                 name += f", without gaze, from {away_m:.1f} m"
             for yaw_deg, face, label in views or [(a, NEUTRAL, name) for a in (0.0, TURNED_DEG)]:
-                picture, eyes_m = portrait(character, yaw_deg, face)
+                picture, eyes_m = portrait(character, yaw_deg, face, light)
                 camera = face_camera(eyes_m, yaw_deg, size_px[0] / size_px[1], away_m)
                 image = stills.image(picture, camera, size_px)
                 if views and shape_lacking(character, label):
@@ -71,7 +74,10 @@ def _away_m(character: Character) -> float:
 
 
 def distance_sheet(
-    people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
+    people: Sequence[Character],
+    distances_m: Sequence[float],
+    px_per_deg: float,
+    light: LightOf = "day",
 ) -> Image.Image:
     """Return faces as a display of so many pixels a degree shows them, enlarged: a row for each, or
     several in a row where distances are few.
@@ -79,7 +85,7 @@ def distance_sheet(
     tiles = []
     with Stills() as stills:
         for character in people:
-            picture, eyes_m = portrait(character, 0.0)
+            picture, eyes_m = portrait(character, 0.0, light=light)
             for distance_m in distances_m:
                 at = eyes_m + distance_m * np.array([0.0, 0.04, 1.0])
                 half = FRAME_M / 2 / distance_m
@@ -96,7 +102,9 @@ def distance_sheet(
     return contact_sheet(tiles, title, in_a_row * len(distances_m))
 
 
-def portrait(character: Character, yaw_deg: float, face: Face = NEUTRAL) -> tuple[Picture, Vector]:
+def portrait(
+    character: Character, yaw_deg: float, face: Face = NEUTRAL, light: LightOf = "day"
+) -> tuple[Picture, Vector]:
     """Return a character who stands and looks at a camera `yaw_deg` to the side of its nose, and
     the middle (3,) of its eyes.
     """
@@ -109,4 +117,4 @@ def portrait(character: Character, yaw_deg: float, face: Face = NEUTRAL) -> tupl
     joints = forward(character.skeleton, people.root_m[0], people.orientation_wxyz[0])
     sides = [character.skeleton.index(f"{side}_eye") for side in ("left", "right")]
     eyes_m = joints.position_m[sides].mean(axis=0)
-    return Picture(0, portrait_studio(), (character,), people), eyes_m
+    return Picture(0, portrait_studio(light), (character,), people), eyes_m
