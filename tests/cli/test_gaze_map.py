@@ -17,11 +17,10 @@ from visavis.cli.gaze_map import (
     COARSE,
     TrialGaze,
     _ends,
-    difference_words,
     gaze_maps,
     maps_of_people,
-    table_of_maps,
 )
+from visavis.cli.gaze_map_figure import difference_words, table_of_maps
 from visavis.cli.recorded_trial import recorded_trial
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.config_files import EXAMPLE
@@ -148,13 +147,24 @@ def test_people_look_at_people_and_the_map_says_how_long(folder: Path) -> None:
         assert (seconds <= longest).all()
     table = table_of_maps(made, is_simulated=True)
     assert len(made.levels) * made.grid.columns * made.grid.rows == len(table)
-    assert made.clusters is None
+    assert made.differences[0].clusters is None
     assert "2 participants had both; a test of maps needs 6" in difference_words(made, data.study)
 
 
 def test_a_factor_that_is_not_there_is_named_with_those_that_are(folder: Path) -> None:
     with pytest.raises(UsageError, match=r"--by place: duel has the factors .*gaze"):
         gaze_maps(open_study(folder), "place", peek=None, on_trial=lambda done, total: None)
+
+
+def test_levels_to_compare_that_are_not_there_are_named_with_those_that_are(folder: Path) -> None:
+    for words, says in (
+        ("averted", "give two levels"),
+        ("averted,up", "two of the levels of gaze"),
+    ):
+        command = ["gaze-map", str(folder), "--by", "gaze", "--compare", words]
+        result: Any = CliRunner().invoke(app, command)
+        assert 0 != result.exit_code
+        assert says in str(result.exception or result.output), result.output
 
 
 def test_sessions_without_gaze_are_told_by_their_folder(

@@ -13,11 +13,10 @@ from visavis.cli.app import app
 from visavis.cli.gaze_map import (
     AT_MIDDLE,
     TrialGaze,
-    _figure,
     gaze_maps,
     maps_of_people,
-    table_of_maps,
 )
+from visavis.cli.gaze_map_figure import figure_of_panels, table_of_maps
 from visavis.cli.recorded_trial import recorded_trial
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import direction_from_yaw_pitch_deg
@@ -150,7 +149,7 @@ def test_painted_areas_are_outlined_by_name_whole_across_the_edge_of_the_picture
         ([157.5, -33.75], [191.25, 0.0]),
     ] == [(pytest.approx(low), pytest.approx(high)) for low, high in box]
     assert 360 * 32 / 2048 == pytest.approx(np.ptp(hole[:, 0]))
-    panels = _figure(maps, {"0": "0", "120": "120"}).axes
+    panels = figure_of_panels(maps, {"0": "0", "120": "120"}).axes
     for panel in panels[:2]:
         assert ["blue", "red", "red"] == [text.get_text() for text in panel.texts]
         assert 4 == len(panel.patches)

@@ -4,27 +4,23 @@ panorama all around.
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
 from PIL import Image as PillowImage
 
 from visavis.analysis.gaze.maps import (
     MIN_PEOPLE,
-    SMOOTHING_DEG,
     Cluster,
     Grid,
     Values,
     clusters_of_difference,
     dwell_map,
 )
-from visavis.analysis.gaze.sphere_maps import SPHERE_SMOOTHING_DEG, SphereGrid, sphere_map
-from visavis.analysis.plots import ReportFigure, draw, new_figure, write_figure
+from visavis.analysis.gaze.sphere_maps import SphereGrid, sphere_map
 from visavis.analysis.report.notation import count_of
 from visavis.cli.film.film import pictures_of
 from visavis.cli.film.renderer import session_drawing
@@ -44,7 +40,6 @@ from visavis.lab.geometry import (
 from visavis.lab.yaml_lines import did_you_mean, names_or_none
 from visavis.protocol.plan.shown_scene import of_part
 from visavis.recording.cached import CachedRecording
-from visavis.recording.csv_file import write_csv
 from visavis.results.flat_again import read_items_text
 from visavis.results.opened_study import OpenedStudy
 from visavis.results.several_sessions import SESSION_NUMBER
@@ -58,7 +53,6 @@ from visavis.stimuli.room_areas import RoomAreas
 from visavis.stimuli.surfaces import Surfaces
 from visavis.study.area_measures import areas_shown
 from visavis.study.measures import TrialRecord
-from visavis.study.texts import label_of
 
 PICTURE_EVERY_NS: Final = NS_PER_S // 4
 """How often people and things are put where they were, for gaze to end on them: each sample ends on
@@ -74,7 +68,8 @@ AROUND_PX: Final = (1440, 720)
 CELLS: Final = (160, 100)
 MIN_TANGENT, MAX_TANGENT, WITHIN_01 = 0.3, 0.84, 0.98
 ALPHA: Final = 0.05
-ON_ANY_COLOUR: Final = (withStroke(linewidth=1.4, foreground="#202020"),)
+MAX_COMPARED: Final = 3
+"""Levels of which every pair is compared; of more two are."""
 AT_MIDDLE: Final = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 Pictures = tuple[Image | Video | Panorama, ...]
 """What a trial showed, or the panorama alone that was behind it."""
@@ -102,10 +97,22 @@ class TrialGaze:
 
 
 @dataclass(frozen=True, eq=False)
+class MapDifference:
+    """Where two levels differ: clusters below `ALPHA`, their p times the number of pairs compared;
+    None where nothing was tested, `why_not` says why.
+    """
+
+    first: str
+    second: str
+    clusters: tuple[Cluster, ...] | None
+    why_not: str = ""
+
+
+@dataclass(frozen=True, eq=False)
 class GazeMaps:
     """Maps by level (participants, rows, columns) in s per square degree and trial, on a picture.
 
-    `clusters` are those in which the first two levels differ; None where they were not compared,
+    `differences` are those of the pairs of levels that were compared; where there are none,
     `why_not` says why. `picture` names what these trials showed, where others showed another.
     """
 
@@ -115,8 +122,8 @@ class GazeMaps:
     maps: Mapping[str, Values]
     grid: Grid | SphereGrid
     image: "np.ndarray[Any, np.dtype[np.uint8]]"
-    clusters: tuple[Cluster, ...] | None
-    why_not: str
+    differences: tuple[MapDifference, ...]
+    why_not: str = ""
     outlines: tuple[tuple[str, tuple[Values, ...]], ...] = ()
     """The areas of interest of the trial that is drawn, by name: the corners (n, 2) of each closed
     line, in the grid's own units; painted ones may have several, holes among them.
@@ -131,16 +138,18 @@ def gaze_maps(
     peek: str | None,
     on_trial: Callable[[int, int], None],
     during: str = "",
+    compare: tuple[str, str] | None = None,
 ) -> tuple[GazeMaps, ...]:
-    """Return the maps of a study's trials that count, and where its first two levels differ.
+    """Return the maps of a study's trials that count, and where its levels differ.
 
-    Where trials showed different pictures or films, each has maps of its own. Gaze counts while
-    what the columns of the name `during` tell of was shown; without one, always, and on a panorama
-    while that was shown.
+    Compared are the two levels `compare`; without them every pair of up to `MAX_COMPARED` levels,
+    and the first two of more. Where trials showed different pictures or films, each has maps of its
+    own. Gaze counts while what the columns of the name `during` tell of was shown; without one,
+    always, and on a panorama while that was shown.
 
     Raises:
-        UsageError: there is no such factor, no gaze, people looked from places too far apart, or
-            a trial showed several pictures and nobody said which one counts.
+        UsageError: there is no such factor or level, no gaze, people looked from places too far
+            apart, or a trial showed several pictures and nobody said which one counts.
         StageError: nothing draws here.
     """
     analysis = data.analysis(peek=peek)
@@ -149,6 +158,11 @@ def gaze_maps(
         raise UsageError(f"--by {factor}: {data.study.name} has the factors {names}")
     trials = analysis.selection.counted
     levels = tuple(str(v) for v in analysis.levels[factor] if (trials[factor] == v).any())
+    if compare is not None and (compare[0] == compare[1] or not set(compare) <= set(levels)):
+        raise UsageError(
+            f"--compare {','.join(compare)}: give two of the levels of {factor}, as in "
+            f"--compare LEVEL,LEVEL: {names_or_none(levels)}"
+        )
     looks, firsts = _looks(data, trials, factor, on_trial, during)
     middle_m = _middle_of_eyes([one for one in looks if not one.is_around])
     file_names = _names_of(firsts) if len(firsts) > 1 else [""]
@@ -169,9 +183,11 @@ def gaze_maps(
         for level in own:
             of_people = maps_of_people([one for one in mine if one.level == level], seen_from, grid)
             people[level], maps[level] = tuple(of_people), np.array(list(of_people.values()))
-        clusters, why_not = _compare(own, people, maps, grid)
+        pairs = _pairs(own) if compare is None else [compare] if set(compare) <= set(own) else []
+        differences = tuple(_difference(pair, people, maps, grid, len(pairs)) for pair in pairs)
+        why_not = "there is one level" if len(own) < 2 else "both levels were not shown with it"
         of_pictures.append(
-            GazeMaps(factor, own, people, maps, grid, image, clusters, why_not, outlines, name)
+            GazeMaps(factor, own, people, maps, grid, image, differences, why_not, outlines, name)
         )
     return tuple(sorted(of_pictures, key=lambda maps: maps.picture))
 
@@ -509,186 +525,25 @@ def maps_of_people(
     return maps
 
 
-def _compare(
-    levels: Sequence[str],
+def _pairs(levels: Sequence[str]) -> list[tuple[str, str]]:
+    """Return the pairs of levels to compare: all, or of many the first two."""
+    return list(combinations(levels if len(levels) <= MAX_COMPARED else levels[:2], 2))
+
+
+def _difference(
+    pair: tuple[str, str],
     people: Mapping[str, Sequence[str]],
     maps: Mapping[str, Values],
     grid: Grid | SphereGrid,
-) -> tuple[tuple[Cluster, ...] | None, str]:
-    """Return where the first two levels differ; or why they were not compared."""
-    if len(levels) < 2:
-        return None, "there is one level"
-    first, second = levels[:2]
-    both = [who for who in people[first] if who in people[second]]
+    pairs: int,
+) -> MapDifference:
+    """Return where two levels differ, as one of so many pairs; or why they were not compared."""
+    both = [who for who in people[pair[0]] if who in people[pair[1]]]
     if len(both) < MIN_PEOPLE:
         had = count_of(len(both), "participant")
-        return None, f"{had} had both; a test of maps needs {MIN_PEOPLE}"
-    rows = [[people[level].index(who) for who in both] for level in (first, second)]
-    differences = maps[first][rows[0]] - maps[second][rows[1]]
+        return MapDifference(*pair, None, f"{had} had both; a test of maps needs {MIN_PEOPLE}")
+    first, second = (maps[level][[people[level].index(who) for who in both]] for level in pair)
     cell_deg2 = grid.area_deg2() if isinstance(grid, SphereGrid) else None
-    clusters = clusters_of_difference(differences, cell_deg2=cell_deg2)
-    return tuple(c for c in clusters if c.p < ALPHA), ""
-
-
-def figure_of_maps(result: GazeMaps, study: OpenedStudy, *, is_simulated: bool) -> ReportFigure:
-    """Return the figure: a panel for each level, and the difference of the first two."""
-    texts = study.experiment({}, is_recorded=True).texts
-    names = {level: label_of(texts, level) for level in result.levels}
-    factor = label_of(texts, result.factor)
-    n = count_of(len({who for of in result.people.values() for who in of}), "participant")
-    on_picture = f" on {result.picture}" if result.picture else ""
-    smoothing = f"{SMOOTHING_DEG:g}°"
-    place = "The scene is that of one trial, seen from the middle of all eyes."
-    if isinstance(result.grid, SphereGrid):
-        smoothing = f"{SPHERE_SMOOTHING_DEG:g}° on the sphere"
-        place = (
-            "The whole picture, 360 by 180 degrees: degrees to the right of its middle, and "
-            "upwards."
-        )
-    return draw(
-        "_".join(filter(None, (f"gaze_map_by_{result.factor}", result.picture))),
-        lambda: _figure(result, names),
-        title=f"Where people looked{on_picture}, by {factor}",
-        caption=f"Mean over {n} of the time of gaze on what was drawn, in ms per square degree and "
-        f"trial, smoothed by {smoothing}. {difference_words(result, study)} {place}",
-        alternative=f"The scene with the time of gaze on it, a picture for each {factor}.",
-        is_simulated=is_simulated,
-    )
-
-
-def difference_words(result: GazeMaps, study: OpenedStudy) -> str:
-    """Return in a sentence where the first two levels differ, or why they were not compared."""
-    texts = study.experiment({}, is_recorded=True).texts
-    names = {level: label_of(texts, level) for level in result.levels}
-    if result.clusters is None:
-        return f"Not compared: {result.why_not}."
-    first, second = (names[level] for level in result.levels[:2])
-    which = f"{first} minus {second}"
-    if not result.clusters:
-        return f"{which}: no cluster of cells differs (permutation test, p < .05)."
-    ps = ", ".join(f"p = {c.p:.3f}".replace("0.", ".") for c in result.clusters)
-    return f"{which}: outlined clusters differ (permutation of signs, {ps})."
-
-
-def _figure(result: GazeMaps, names: Mapping[str, str]) -> Figure:
-    means = {level: 1000 * of.mean(axis=0) for level, of in result.maps.items()}
-    top = max(float(np.quantile(mean, 0.999)) for mean in means.values())
-    has_difference = len(result.levels) > 1
-    count = len(result.levels) + has_difference
-    across = 2 if count > 1 else 1
-    figure = new_figure(4.4 * across, 2.5 * ((count + across - 1) // across))
-    every = list(figure.subplots(-(-count // across), across, squeeze=False).flat)
-    grey = result.image.mean(axis=2)
-    reach = result.grid.reach
-    for axes in every:
-        axes.set_axis_off()
-    if isinstance(result.grid, SphereGrid):
-        for axes in every[:count]:
-            axes.set_axis_on()
-            axes.set(xlim=reach[:2], ylim=reach[2:], aspect="equal")
-            axes.set_xticks(range(-180, 181, 90))
-            axes.set_yticks(range(-90, 91, 45))
-            axes.xaxis.set_major_formatter("{x:.0f}°")
-            axes.yaxis.set_major_formatter("{x:.0f}°")
-            axes.tick_params(labelsize=6)
-    for axes, level in zip(every, result.levels, strict=False):
-        axes.imshow(grey, cmap="gray", vmin=0, vmax=255, extent=reach, interpolation="bilinear")
-        mean = means[level]
-        colours = axes.imshow(
-            mean,
-            cmap="inferno",
-            vmin=0,
-            vmax=top,
-            alpha=np.clip(mean / top * 1.6, 0, 0.85),
-            extent=reach,
-            interpolation="bilinear",
-        )
-        for name, lines in result.outlines:
-            for line in lines:
-                axes.fill(
-                    *line.T,
-                    fill=False,
-                    edgecolor="white",
-                    linewidth=0.6,
-                    path_effects=ON_ANY_COLOUR,
-                )
-            _put_name(axes, name, lines[0], reach)  # the longest
-        axes.set_title(f"{names[level]} (n = {len(result.people[level])})", fontsize=9.5)
-    figure.colorbar(
-        colours, ax=every[: len(result.levels)], shrink=0.7, label="ms per deg² and trial"
-    )
-    if has_difference:
-        axes = every[len(result.levels)]
-        first, second = result.levels[:2]
-        difference = means[first] - means[second]
-        most = float(np.quantile(np.abs(difference), 0.999)) or 1.0
-        axes.imshow(grey, cmap="gray", vmin=0, vmax=255, extent=reach, interpolation="bilinear")
-        colours = axes.imshow(
-            difference,
-            cmap="PuOr_r",
-            vmin=-most,
-            vmax=most,
-            alpha=np.clip(np.abs(difference) / most * 1.6, 0, 0.85),
-            extent=reach,
-            interpolation="bilinear",
-        )
-        x, y = result.grid.centres()
-        for cluster in result.clusters or ():
-            axes.contour(x, y, cluster.cells.astype(float), [0.5], colors="white", linewidths=1.4)
-        axes.set_title(f"{names[first]} minus {names[second]}", fontsize=9.5)
-        figure.colorbar(colours, ax=axes, shrink=0.7)
-    return figure
-
-
-def _put_name(
-    axes: Axes, name: str, line: Values, reach: tuple[float, float, float, float]
-) -> None:
-    """Write an area's name below its left end, or nearest to that within the picture."""
-    left, right, bottom, top = reach
-    x, y = np.maximum(line.min(axis=0), [left, bottom])
-    is_right, is_low = x > left + 0.9 * (right - left), y < bottom + 0.1 * (top - bottom)
-    axes.annotate(
-        name,
-        (min(line[:, 0].max(), right) if is_right else x, y),
-        color="white",
-        fontsize=5,
-        ha="right" if is_right else "left",
-        va="bottom" if is_low else "top",
-        annotation_clip=True,
-        path_effects=ON_ANY_COLOUR,
-    )
-
-
-def table_of_maps(result: GazeMaps, *, is_simulated: bool) -> pd.DataFrame:
-    """Return a row for each level and cell: its place in degrees, mean and SD over people."""
-    right_deg, up_deg = np.meshgrid(*result.grid.centres_deg())
-    return pd.concat(
-        [
-            pd.DataFrame(
-                {
-                    result.factor: level,
-                    "right_deg": right_deg.ravel().round(3),
-                    "up_deg": up_deg.ravel().round(3),
-                    "dwell_ms_per_deg2": (1000 * of.mean(axis=0)).ravel().round(4),
-                    "sd_ms_per_deg2": (1000 * of.std(axis=0, ddof=1)).ravel().round(4)
-                    if len(of) > 1
-                    else np.nan,
-                    "participants": len(of),
-                    "is_simulated": is_simulated,
-                }
-            )
-            for level, of in result.maps.items()
-        ],
-        ignore_index=True,
-    )
-
-
-def write_maps(
-    result: GazeMaps, study: OpenedStudy, folder: Path, *, is_simulated: bool
-) -> list[Path]:
-    """Write the figure (SVG and PNG) and the table beside it; return their paths."""
-    figure = figure_of_maps(result, study, is_simulated=is_simulated)
-    paths = list(write_figure(figure, folder))
-    table = folder / f"{figure.name}.csv"
-    write_csv(table_of_maps(result, is_simulated=is_simulated), table)
-    return [*paths, table]
+    clusters = clusters_of_difference(first - second, cell_deg2=cell_deg2)
+    times = [replace(one, p=min(1.0, one.p * pairs)) for one in clusters]
+    return MapDifference(*pair, tuple(one for one in times if one.p < ALPHA))
