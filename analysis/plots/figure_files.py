@@ -86,7 +86,12 @@ def _draw_svg(figure: ReportFigure) -> str:
         figure.figure.savefig(
             buffer,
             format="svg",
-            metadata={"Date": None, "Creator": "Visavis", "Title": figure.title},
+            metadata={
+                "Date": None,
+                "Creator": "Visavis",
+                "Title": figure.title,
+                "Description": figure.caption,
+            },
         )
     return buffer.getvalue()
 
@@ -115,12 +120,17 @@ def svg_for_page(figure: ReportFigure) -> str:
         text = _draw_svg(figure)
         for artist in artists:
             artist.set_visible(False)
+    return svg_of_page(text, figure.name)
+
+
+def svg_of_page(text: str, name: str) -> str:
+    """Return the `<svg>` element of the file of the figure `name`, as `svg_for_page` does."""
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
     text = _OF_ONE.sub(_group, text)
-    text = re.sub(r'\bid="', f'id="{figure.name}-', text)
-    text = text.replace("url(#", f"url(#{figure.name}-")
-    text = re.sub(r'xlink:href="#', f'xlink:href="#{figure.name}-', text)
+    text = re.sub(r'\bid="', f'id="{name}-', text)
+    text = text.replace("url(#", f"url(#{name}-")
+    text = re.sub(r'xlink:href="#', f'xlink:href="#{name}-', text)
     return text.strip()
 
 

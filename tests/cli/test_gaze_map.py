@@ -206,6 +206,19 @@ def test_the_verb_writes_pictures_and_a_table_and_says_what_differs(folder: Path
     assert "Not compared" in result.output
 
 
+def test_the_report_has_the_command_until_there_are_maps_and_shows_them_then(folder: Path) -> None:
+    derived = folder / "derived"
+    for path in derived.glob("figures/gaze_map_by_*"):
+        path.unlink()
+    for command, is_shown in (([], False), (["gaze-map", str(folder), "--by", "gaze"], True)):
+        for words in filter(None, (command, ["analyse", str(folder)])):
+            result: Any = CliRunner().invoke(app, words)
+            assert 0 == result.exit_code, result.output
+        page = (derived / "report.html").read_text("utf-8")
+        assert is_shown == ('id="gaze_map_by_gaze-' in page)
+        assert is_shown != ("simulated/duel --by gaze</code>" in page)
+
+
 PICTURES = """
 from visavis import Factor, Image, Study, Text, looks_at
 

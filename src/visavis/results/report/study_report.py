@@ -47,6 +47,7 @@ from visavis.results.report.family_report import (
     fitted_note,
     verdict_cell,
 )
+from visavis.results.report.gaze_map_section import gaze_map_section
 from visavis.results.report.headlines import lost_by_correction, lower, p_words, verdicts_of
 from visavis.results.report.methods import comparison_words, method_paragraphs
 from visavis.results.report.opening import opening_of
@@ -114,6 +115,12 @@ def build_report(
                 *family_sections(analysis, pictures),
                 *_over_time(pictures),
                 *_in_order(analysis, pictures, provenance.folder, path.parent),
+                *gaze_map_section(
+                    analysis,
+                    provenance.folder,
+                    path.parent / "figures",
+                    has_gaze=quality is not None,
+                ),
                 *sections,
                 *fidelity_section(analysis, experiment),
                 *quality_sections,
