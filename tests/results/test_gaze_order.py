@@ -1,16 +1,26 @@
 """The order of looks: fixations and what they are on, moves from one thing to another."""
 
+from itertools import combinations
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.results.test_time_course import selection
 from visavis.analysis.gaze.aoi import LOST
 from visavis.analysis.gaze.targets import GazeTargets
-from visavis.results.figures.gaze_order_figures import gaze_order_figures, numbers_of_path
+from visavis.analysis.plots import new_figure
+from visavis.analysis.plots.labels import settle
+from visavis.analysis.plots.style import figure_style
+from visavis.results.figures.gaze_order_figures import (
+    gaze_order_figures,
+    stays_of_path,
+    write_numbers,
+)
 from visavis.results.gaze_order import (
     FIXATIONS,
     MOVES,
@@ -158,7 +168,38 @@ def test_trials_without_any_fixation_do_not_lower_the_mean() -> None:
 
 def test_numbers_that_would_hide_each_other_stand_in_one_place() -> None:
     right_deg, up_deg = np.array([0, 20, 20.5, 40, 0.5, 1, 39]), np.array([0, 0, 0.5, 30, 0, 4, 29])
-    numbers = [name for name, _ in numbers_of_path(right_deg, up_deg)]
+    numbers = [at.words() for at in stays_of_path(right_deg, up_deg)]
     assert ["1, 5–6", "2–3", "4, 7"] == numbers
-    apart = numbers_of_path(right_deg[:4], up_deg[:4])
+    apart = [(at.words(), at.middle) for at in stays_of_path(right_deg[:4], up_deg[:4])]
     assert [("1", (0.0, 0.0)), ("2–3", (20.25, 0.25)), ("4", (40.0, 30.0))] == apart
+
+
+PANEL = np.array([1.9, 1.7])
+
+
+@given(
+    st.lists(st.tuples(st.floats(-30, 30), st.floats(-20, 20)), min_size=1, max_size=20),
+    st.sampled_from([1.0, 0.05]),
+)
+@settings(max_examples=12, deadline=None)
+def test_numbers_of_a_path_lie_over_no_other_and_each_is_there_once(
+    points: list[tuple[float, float]], spread: float
+) -> None:
+    right_deg, up_deg = np.array(points).T * [[1.0], [spread]]
+    with figure_style():
+        figure = new_figure(*PANEL)
+        axes = figure.subplots()
+        axes.plot(right_deg, up_deg)
+        axes.margins(0.15)
+        axes.set_aspect("equal", adjustable="datalim")
+        settle(figure)
+        texts = write_numbers(axes, stays_of_path(right_deg, up_deg))
+        figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in texts]
+    assert [] == [1 for one, other in combinations(boxes, 2) if one.overlaps(other)]
+    numbers: list[int] = []
+    for text in texts:
+        for span in text.get_text().replace("\n", " ").split(", "):
+            first, _, last = span.partition("–")
+            numbers += range(int(first), int(last or first) + 1)
+    assert list(range(1, len(points) + 1)) == sorted(numbers)

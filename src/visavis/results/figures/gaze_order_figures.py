@@ -1,6 +1,8 @@
 """Figures of the order of looks: scan paths with numbered fixations, moves from area to area."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from math import hypot
 from typing import Final
 
 import numpy as np
@@ -8,8 +10,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
+from matplotlib.text import Annotation
 
 from visavis.analysis.plots import BLUE, GREY, VERMILION, ReportFigure, draw, new_figure
+from visavis.analysis.plots.labels import Lettering, settle, write_apart
 from visavis.analysis.plots.panels import Values, in_lines
 from visavis.analysis.plots.style import BLACK, COLUMN_WIDTH_IN
 from visavis.analysis.report.notation import count_of, decimal
@@ -43,7 +47,34 @@ MIN_DRAWN: Final = 0.05
 """Moves in a trial, of which fewer are not drawn."""
 WIDEST_PT: Final = 7.0
 
+NUMBER_PT: Final = 8.5
+MAX_LINE: Final = 10
+"""Characters in a line of numbers."""
+
 _Typical = tuple[object, TrialToSee, pd.DataFrame]
+
+
+@dataclass(frozen=True)
+class Stays:
+    """Fixations whose numbers stand together: first and last of those in a row, and where."""
+
+    spans: tuple[tuple[int, int], ...]
+    middle: tuple[float, float]
+
+    def joined(self, other: "Stays") -> "Stays":
+        """Return both, at the place of this one."""
+        spans: list[tuple[int, int]] = []
+        for first, last in sorted((*self.spans, *other.spans)):
+            if spans and spans[-1][1] == first - 1:
+                spans[-1] = (spans[-1][0], last)
+            else:
+                spans.append((first, last))
+        return Stays(tuple(spans), self.middle)
+
+    def words(self) -> str:
+        """Return the numbers, in lines."""
+        words = ", ".join(f"{a}–{b}" if a != b else str(a) for a, b in self.spans)
+        return in_lines(words, MAX_LINE)
 
 
 def gaze_order_figures(analysis: StudyAnalysis, texts: Texts) -> list[ReportFigure]:
@@ -98,6 +129,7 @@ def _panels(count: int, height_in: float) -> tuple[Figure, list[Axes]]:
 def _scan_paths(typical: Sequence[_Typical], texts: Texts) -> Figure:
     figure, every = _panels(len(typical), 2.3)
     in_legend: set[str] = set()
+    paths = []
     for axes, (level, _, fixations) in zip(every, typical, strict=True):
         in_order = fixations.sort_values(NUMBER)[:MAX_SHOWN]
         right, up = in_order[RIGHT].to_numpy(float), in_order[UP].to_numpy(float)
@@ -121,10 +153,7 @@ def _scan_paths(typical: Sequence[_Typical], texts: Texts) -> Figure:
                     zorder=3,
                 )
                 in_legend.add(area)
-        for numbers, middle in numbers_of_path(right, up):
-            axes.annotate(
-                numbers, middle, (3, 3), textcoords="offset points", fontsize=8.5, zorder=4
-            )
+        paths.append((axes, stays_of_path(right, up)))
         axes.set_title(in_lines(label_of(texts, str(level)), 18))
         axes.margins(0.15)
         axes.set_aspect("equal", adjustable="datalim")
@@ -133,6 +162,9 @@ def _scan_paths(typical: Sequence[_Typical], texts: Texts) -> Figure:
     for axes in every[::2]:
         axes.set_ylabel("upwards (°)")
     figure.legend(loc="outside upper center", ncols=3, markerscale=0.8)
+    settle(figure)
+    for axes, places in paths:
+        write_numbers(axes, places)
     return figure
 
 
@@ -143,27 +175,32 @@ def _stays(right_deg: Values, up_deg: Values) -> list[tuple[int, int]]:
     return list(zip([0, *(end + 1 for end in ends[:-1])], ends, strict=True))
 
 
-def numbers_of_path(right_deg: Values, up_deg: Values) -> list[tuple[str, tuple[float, float]]]:
-    """Return the numbers of a path's fixations and where they stand.
-
-    Those that would hide each other stand in one place, as in "2–4, 7".
-    """
+def stays_of_path(right_deg: Values, up_deg: Values) -> list[Stays]:
+    """Return where a path's fixations stay, those of one place together."""
     near_deg = LABEL_01 * max(np.ptp(right_deg), np.ptp(up_deg))
-    places: list[tuple[list[list[int]], tuple[float, float]]] = []
+    places: list[Stays] = []
     for first, last in _stays(right_deg, up_deg):
         x, y = float(right_deg[first : last + 1].mean()), float(up_deg[first : last + 1].mean())
-        near = (spans for spans, (u, v) in places if np.hypot(u - x, v - y) <= near_deg)
-        spans = next(near, None)
-        if spans is None:
-            places.append(([[first + 1, last + 1]], (x, y)))
-        elif spans[-1][1] == first:
-            spans[-1][1] = last + 1
+        here = Stays(((first + 1, last + 1),), (x, y))
+        near = (k for k, at in enumerate(places) if _apart(at.middle, (x, y)) <= near_deg)
+        k = next(near, None)
+        if k is None:
+            places.append(here)
         else:
-            spans.append([first + 1, last + 1])
-    return [
-        (", ".join(f"{a}–{b}" if a != b else str(a) for a, b in spans), place)
-        for spans, place in places
-    ]
+            places[k] = places[k].joined(here)
+    return places
+
+
+def _apart(one: tuple[float, float], other: tuple[float, float]) -> float:
+    return hypot(one[0] - other[0], one[1] - other[1])
+
+
+def write_numbers(axes: Axes, places: Sequence[Stays]) -> list[Annotation]:
+    """Write the numbers of a path's fixations beside where they stay; those for which there is no
+    room stand together, as in "2–4, 7". The figure must be settled.
+    """
+    lettering = Lettering(axes, NUMBER_PT, {"zorder": 4})
+    return write_apart(lettering, places, lambda at: at.words(), lambda at: at.middle, Stays.joined)
 
 
 def _graphs(moves: pd.DataFrame, levels: Sequence[object], texts: Texts) -> Figure:
