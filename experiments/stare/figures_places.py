@@ -76,7 +76,7 @@ def _above(
         axes.add_patch(Circle((x, ahead), DISC_M, facecolor=fill, edgecolor=BLACK, lw=0.8))
         if np.isfinite(values[place]):
             text = f"{values[place]:.0f}".replace("-", "−")
-            axes.text(x, ahead, text, ha="center", va="center", fontsize=7.5, color=ink)
+            axes.text(x, ahead, text, ha="center", va="center", fontsize=8, color=ink)
         if marks.get(place):
             axes.text(x, ahead + DISC_M, marks[place], ha="center", va="bottom", fontsize=9)
     axes.plot([0], [0], "^", color=BLACK, markersize=10)

@@ -45,6 +45,8 @@ from visavis.study.exclusions import Exclusion
 from visavis.study.measures import Measure, aggregate_cells
 from visavis.study.texts import Texts, label_of
 
+MAX_ACROSS: Final = 3
+"""Panels in a row."""
 SCALE_MARGIN_01: Final = 0.04
 """Margin beyond each end of a rating scale, as a share of its length."""
 COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
@@ -127,12 +129,22 @@ def _people_count(analysis: StudyAnalysis, finding: Finding) -> int:
     return int(rows["participant"].nunique())
 
 
+def panels_in_rows(count: int) -> tuple[Figure, list[Axes]]:
+    """Return a figure with so many panels, in rows that can be read across two columns (180 mm)."""
+    across = min(count, MAX_ACROSS)
+    down = -(-count // across)
+    figure = new_figure(3.2 + 2.6 * across, 3.9 * down)
+    every = list(figure.subplots(down, across, sharey=True, squeeze=False).flat)
+    for axes in every[count:]:
+        axes.set_visible(False)
+    return figure, every[:count]
+
+
 def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
     factors = _factors(finding)
     x, panels = factors[0], factors[1:2]
     panel_levels = analysis.levels[panels[0]] if panels else ("",)
-    figure = new_figure(3.2 + 2.6 * len(panel_levels), 3.9)
-    axes = figure.subplots(1, len(panel_levels), sharey=True, squeeze=False)[0]
+    figure, axes = panels_in_rows(len(panel_levels))
     levels = analysis.levels[x]
     labels = [label_of(texts, str(v)) for v in levels]
     counted_rows = analysis.rows_of(finding.compare, analysis.selection.counted)
@@ -167,7 +179,8 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
             for i, level in enumerate(levels):
                 if str(level) in published_means:
                     published_mark(ax, i + 0.22, *published_means[str(level)])
-    axes[0].set_ylabel(in_lines(finding.measure.axis, 34))
+    for first in axes[::MAX_ACROSS]:
+        first.set_ylabel(in_lines(finding.measure.axis, 34))
     if finding.measure.scale is not None:
         low, high = finding.measure.scale
         beyond = SCALE_MARGIN_01 * (high - low)
