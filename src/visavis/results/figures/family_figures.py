@@ -37,6 +37,8 @@ from visavis.study.pairs import Correlate, Pairs
 from visavis.study.texts import Texts, label_of
 
 COLUMNS = 3
+MAX_PAIRS = 4
+"""Panels in a row of scatter plots."""
 """Largest number of panels in one row."""
 PUBLISHED_MARKS = " Open diamonds with dashed bars: published mean ± SD."
 
@@ -234,15 +236,34 @@ def _scores(analysis: StudyAnalysis, of: Correlate, texts: Texts) -> ReportFigur
     )
 
 
+def pairs_of_panels(count: int) -> tuple[Figure, list[Axes], list[Axes]]:
+    """Return a figure with so many panels, and one of the same scale below each, in rows that can
+    be read across two columns (180 mm); the upper ones share their axes, as the lower ones do.
+    """
+    across = min(count, MAX_PAIRS)
+    down = -(-count // across)
+    figure = new_figure(2.4 * max(across, 2), 5.4 * down)
+    grid = figure.subplots(2 * down, across, squeeze=False)
+    tops, bottoms = (list(grid[first::2].flat) for first in (0, 1))
+    for panels in (tops, bottoms):
+        for k, axes in enumerate(panels):
+            axes.set_visible(k < count)
+            if k:
+                axes.sharex(panels[0])
+                axes.sharey(panels[0])
+            if k % across:
+                axes.tick_params(labelleft=False)
+    return figure, tops[:count], bottoms[:count]
+
+
 def _score_panels(analysis: StudyAnalysis, of: Correlate, measure: Measure) -> Figure:
     levels = [str(v) for v in analysis.levels[of.factor]]
-    figure = new_figure(2.4 * max(len(levels), 2), 5.4)
-    grid = figure.subplots(2, len(levels), sharey="row", sharex="row", squeeze=False)
+    figure, tops, bottoms = pairs_of_panels(len(levels))
     scores = scores_of(analysis.people, of.score)
     trials = with_level_names(analysis.selection.counted, [of.factor], analysis.levels)
     means = aggregate_cells(trials, [measure], [of.factor])
     for j, level in enumerate(levels):
-        top, bottom = grid[0, j], grid[1, j]
+        top, bottom = tops[j], bottoms[j]
         here = means[means[of.factor].astype(str) == level].set_index("participant")
         values = here[measure.column].dropna()
         both = values.index.intersection(scores.index)
@@ -265,7 +286,8 @@ def _score_panels(analysis: StudyAnalysis, of: Correlate, measure: Measure) -> F
             p = probability(correlation.outcome.p)
             text = f"rₛ = {fraction(correlation.outcome.r)}, p {p if p[0] in '<>' else '= ' + p}"
             bottom.set_title(text, fontsize=9.5, fontweight="normal")
-    grid[0, 0].set_ylabel(measure.axis)
-    grid[0, 0].set_ylim(bottom=min(0.0, grid[0, 0].get_ylim()[0]))
-    grid[1, 0].set_ylabel(f"Rank of {measure.words.lower()}")
+    for top, bottom in zip(tops[::MAX_PAIRS], bottoms[::MAX_PAIRS], strict=True):
+        top.set_ylabel(measure.axis)
+        bottom.set_ylabel(f"Rank of {measure.words.lower()}")
+    tops[0].set_ylim(bottom=min(0.0, tops[0].get_ylim()[0]))
     return figure
