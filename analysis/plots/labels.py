@@ -12,6 +12,8 @@ from matplotlib.text import Annotation
 
 AWAY_PT: Final = 3.0
 """How far words stand from their point."""
+FARTHER_PT: Final = (AWAY_PT, 9.0, 16.0)
+"""How far they may, where there is no room nearer."""
 ROOM_PT: Final = 1.0
 """What stays free around words."""
 POINTS_PER_INCH: Final = 72.0
@@ -35,6 +37,7 @@ class Anchor:
 
     point: tuple[float, float]
     side: Side
+    away_pt: float = AWAY_PT
 
 
 def settle(figure: Figure) -> None:
@@ -51,6 +54,8 @@ class Lettering:
     axes: Axes
     size_pt: float
     look: Mapping[str, Any]
+    marks: Sequence[tuple[float, float]] = ()
+    """Points, in the data's units, on which words lie only where there is no other room."""
 
     def write(self, words: str, anchor: Anchor) -> Annotation:
         """Write words at an anchor; they take no part in the layout."""
@@ -58,7 +63,7 @@ class Lettering:
         text = self.axes.annotate(
             words,
             anchor.point,
-            (AWAY_PT * across, AWAY_PT * up),
+            (anchor.away_pt * across, anchor.away_pt * up),
             textcoords="offset points",
             fontsize=self.size_pt,
             ha=_HORIZONTAL[int(across)],
@@ -82,10 +87,19 @@ class Lettering:
         px_per_pt = figure.dpi / POINTS_PER_INCH
         x, y = self.axes.transData.transform(anchor.point)
         wide, high = size_px
-        left = x + AWAY_PT * px_per_pt * anchor.side[0] + wide * (anchor.side[0] - 1) / 2
-        low = y + AWAY_PT * px_per_pt * anchor.side[1] + high * (anchor.side[1] - 1) / 2
+        away_px = anchor.away_pt * px_per_pt
+        left = x + away_px * anchor.side[0] + wide * (anchor.side[0] - 1) / 2
+        low = y + away_px * anchor.side[1] + high * (anchor.side[1] - 1) / 2
         room = ROOM_PT * px_per_pt
         return left - room, low - room, left + wide + room, low + high + room
+
+    def marks_hidden(self, box: Box) -> int:
+        """Return how many marks lie within a box."""
+        if not self.marks:
+            return 0
+        x, y = self.axes.transData.transform(self.marks).T
+        is_hidden = (box[0] <= x) & (x <= box[2]) & (box[1] <= y) & (y <= box[3])
+        return int(is_hidden.sum())
 
     def is_inside(self, box: Box) -> bool:
         """Return whether a box lies within the panel."""
@@ -105,16 +119,22 @@ def overlap_px2(one: Box, other: Box) -> float:
 def best_anchor(
     lettering: Lettering, words: str, anchors: Iterable[Anchor], taken: Sequence[Box]
 ) -> tuple[Anchor, Box, bool]:
-    """Return of anchors the first where words lie within the panel and hide nothing of what is
-    taken, else where they hide least; their box, and whether that is free and inside.
+    """Return the anchor where words lie within the panel, hide least of what is taken, are nearest
+    and hide the fewest marks, the first of such; their box, and whether it is free and inside.
     """
     size_px = lettering.size_px(words)
     boxes = [(anchor, lettering.box(size_px, anchor)) for anchor in anchors]
     costs = [
-        (not lettering.is_inside(box), sum(overlap_px2(box, other) for other in taken), k)
-        for k, (_, box) in enumerate(boxes)
+        (
+            not lettering.is_inside(box),
+            sum(overlap_px2(box, other) for other in taken),
+            anchor.away_pt,
+            lettering.marks_hidden(box),
+            k,
+        )
+        for k, (anchor, box) in enumerate(boxes)
     ]
-    is_outside, hidden_px2, best = min(costs)
+    is_outside, hidden_px2, _, _, best = min(costs)
     anchor, box = boxes[best]
     return anchor, box, not is_outside and hidden_px2 == 0
 
@@ -135,7 +155,7 @@ def write_apart(
         taken: list[Box] = []
         for k, group in enumerate(left):
             point = point_of(group)
-            here = [Anchor(point, side) for side in SIDES]
+            here = [Anchor(point, side, away) for away in FARTHER_PT for side in SIDES]
             anchor, box, is_free = best_anchor(lettering, words_of(group), here, taken)
             if k and not is_free:
                 nearest = min(range(k), key=lambda i: _apart(lettering, point_of(left[i]), point))

@@ -193,7 +193,7 @@ def test_numbers_of_a_path_lie_over_no_other_and_each_is_there_once(
         axes.margins(0.15)
         axes.set_aspect("equal", adjustable="datalim")
         settle(figure)
-        texts = write_numbers(axes, stays_of_path(right_deg, up_deg))
+        texts = write_numbers(axes, right_deg, up_deg)
         figure.draw_without_rendering()
     boxes = [text.get_window_extent() for text in texts]
     assert [] == [1 for one, other in combinations(boxes, 2) if one.overlaps(other)]

@@ -153,7 +153,7 @@ def _scan_paths(typical: Sequence[_Typical], texts: Texts) -> Figure:
                     zorder=3,
                 )
                 in_legend.add(area)
-        paths.append((axes, stays_of_path(right, up)))
+        paths.append((axes, right, up))
         axes.set_title(in_lines(label_of(texts, str(level)), 18))
         axes.margins(0.15)
         axes.set_aspect("equal", adjustable="datalim")
@@ -163,8 +163,8 @@ def _scan_paths(typical: Sequence[_Typical], texts: Texts) -> Figure:
         axes.set_ylabel("upwards (°)")
     figure.legend(loc="outside upper center", ncols=3, markerscale=0.8)
     settle(figure)
-    for axes, places in paths:
-        write_numbers(axes, places)
+    for axes, right, up in paths:
+        write_numbers(axes, right, up)
     return figure
 
 
@@ -195,12 +195,19 @@ def _apart(one: tuple[float, float], other: tuple[float, float]) -> float:
     return hypot(one[0] - other[0], one[1] - other[1])
 
 
-def write_numbers(axes: Axes, places: Sequence[Stays]) -> list[Annotation]:
+def write_numbers(axes: Axes, right_deg: Values, up_deg: Values) -> list[Annotation]:
     """Write the numbers of a path's fixations beside where they stay; those for which there is no
     room stand together, as in "2–4, 7". The figure must be settled.
     """
-    lettering = Lettering(axes, NUMBER_PT, {"zorder": 4})
-    return write_apart(lettering, places, lambda at: at.words(), lambda at: at.middle, Stays.joined)
+    marks = list(zip(right_deg.tolist(), up_deg.tolist(), strict=True))
+    lettering = Lettering(axes, NUMBER_PT, {"zorder": 4}, marks)
+    return write_apart(
+        lettering,
+        stays_of_path(right_deg, up_deg),
+        lambda at: at.words(),
+        lambda at: at.middle,
+        Stays.joined,
+    )
 
 
 def _graphs(moves: pd.DataFrame, levels: Sequence[object], texts: Texts) -> Figure:
