@@ -181,7 +181,7 @@ PANEL = np.array([1.9, 1.7])
     st.lists(st.tuples(st.floats(-30, 30), st.floats(-20, 20)), min_size=1, max_size=20),
     st.sampled_from([1.0, 0.05]),
 )
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_numbers_of_a_path_lie_over_no_other_and_each_is_there_once(
     points: list[tuple[float, float]], spread: float
 ) -> None:
