@@ -14,6 +14,7 @@ import pytest
 from PIL import Image as Files
 
 from tests.cli.viewer_tab import page_array, page_parts, viewer_tab
+from tests.running.page.test_browser import faults_for_people
 from tests.sessions import request_in
 from visavis.analysis.gaze.aoi import LOST, NONE
 from visavis.analysis.gaze.targets import GazeTargets
@@ -348,3 +349,8 @@ def test_the_window_is_a_circle_of_its_width_around_what_is_looked_at(tab: Any, 
     assert np.allclose(2.5, np.degrees(np.arccos(cosines)), atol=1e-3)
     assert "window after gaze" in tab.inner_text("#legend")
     assert "moving dots and films: 20 pictures a second" in tab.inner_text("#legend")
+
+
+@pytest.mark.slow  # a browser
+def test_a_page_with_stimuli_shuts_nobody_out(tab: Any) -> None:
+    assert [] == faults_for_people(tab)

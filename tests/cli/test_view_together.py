@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.cli.viewer_tab import header_of, viewer_tab
+from tests.running.page.test_browser import faults_for_people
 from tests.sessions import opened, perform
 from visavis.analysis.gaze.aoi import LOST
 from visavis.analysis.gaze.looks import measure_trial
@@ -177,3 +178,7 @@ def test_a_picture_of_several_names_every_recording(tab: Any) -> None:
     hashes = tab.evaluate("viewer.sessions.map(one => one.header.sha256.slice(0, 6))")
     assert f"2 participants · T02 at {tab.evaluate('viewer.t') - 1:.2f} s" in caption
     assert all(one in caption for one in hashes)
+
+
+def test_a_page_of_several_shuts_nobody_out(tab: Any) -> None:
+    assert [] == faults_for_people(tab)

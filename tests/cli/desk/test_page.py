@@ -39,7 +39,7 @@ from visavis.stimuli.scenes.station_crowd import CrowdFrame, CrowdScene, station
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0
-WIDTHS_PX = (1366, 820, 390)
+WIDTHS_PX = (1366, 820, 390, 320, 2560)
 VIEWS = ("view", "above")
 DECODES = "src => Object.assign(new Image(), { src }).decode().then(() => true)"
 FINDINGS = [

@@ -23,6 +23,7 @@ from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.running.page.desk import RELOAD_FLAG, SLEEP_FLAG
 from visavis.running.page.earlier_parts import RESTART_FLAG
+from visavis.running.page.server import SITE
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0
@@ -417,8 +418,11 @@ def npm_script(package: str, inside: str) -> str:
     return (Path(found.stdout.strip()).parent / inside).read_text("utf-8")
 
 
-SIZES = ({"width": 1280, "height": 800}, {"width": 390, "height": 780})
-"""Of a desktop, and of a phone."""
+SIZES = tuple(
+    {"width": width, "height": height}
+    for width, height in ((1280, 800), (390, 780), (2560, 1440), (320, 640))
+)
+"""Of a desktop and of a phone, of a large one and of a small one."""
 
 
 def faults_for_people(page: Any) -> list[str]:
@@ -439,6 +443,7 @@ def faults_for_people(page: Any) -> list[str]:
     return problems
 
 
+STYLE = (SITE / "page.css").read_text("utf-8")
 SMALL = ((1280, 600), (960, 540), (640, 360), (320, 480), (320, 256))
 """Of laptops, of 1280 × 720 magnified twice, of a small phone, and of 1280 × 1024 magnified four
 times (WCAG 1.4.10)."""
@@ -560,3 +565,12 @@ def test_in_firefox_from_consent_to_thanks_with_a_reload(
     assert (counted["film_first_at_ms"] + counted["lively_ms"] > 400).all(), counted
     assert (rows["film_sha256"].str.len() == 64).all()
     assert "Firefox/" in str(list(recording.events()["payload"]))
+
+
+@pytest.mark.parametrize("name", ["code.html", "board.html"])
+def test_pages_that_nobody_has_asked_anything_shut_nobody_out(name: str, browser: Any) -> None:
+    page = browser.new_page()
+    page.set_content(
+        (SITE / name).read_text("utf-8").replace("<head>", f"<head><style>{STYLE}</style>")
+    )
+    assert [] == faults_for_people(page)

@@ -18,6 +18,7 @@ from tests.running.page.test_browser import (
     PATIENCE_S,
     REPOSITORY,
     Server,
+    faults_for_people,
     playwright_error,
     state_of,
     until,
@@ -315,6 +316,7 @@ def test_a_page_to_play_with_shows_what_sliders_make(tmp_path: Path, browser: An
         page.wait_for_selector("#shares:has-text('slouch')")
         assert "slouch=1" in page.text_content("#command")
         page.wait_for_selector(f"canvas{DRAWN}")
+        assert [] == faults_for_people(page)
     finally:
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE_S) == 0
