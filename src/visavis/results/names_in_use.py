@@ -59,10 +59,10 @@ def refuse_unknown_names(experiment: StudyExperiment, measures: Sequence[Measure
             uses.append((section.shown, "factor or column", columns))
             uses += [(section.by, "factor", factors)] if section.by else []
     roles = frozenset().union(*(t.roles for t in experiment.read.values()))
-    gone = experiment.files_gone or FilesGone()
-    areas = frozenset(gone.area_names).union(*(t.areas for t in experiment.read.values()))
+    losses = experiment.files_gone or FilesGone()
+    areas = frozenset(losses.area_names).union(*(t.areas for t in experiment.read.values()))
     visible = tuple(sorted(roles | areas))
-    if not gone.hides_areas:
+    if not losses.hides_areas:
         uses += [(n, "area or role", visible) for m in study.analysis.measures for n in m.areas]
     for name in (m.role for m in study.analysis.measures if m.role in areas - roles):
         raise DesignError(

@@ -47,21 +47,21 @@ def is_gone(stimulus: Flat | Panorama, folder: Path) -> bool:
     )
 
 
-def with_areas_there(stimulus: Stimulus, folder: Path, gone: FilesGone) -> Stimulus:
+def with_areas_there(stimulus: Stimulus, folder: Path, losses: FilesGone) -> Stimulus:
     """Return a stimulus, without areas of interest where its file or one of theirs is not in the
-    folder, which is then noted in `gone`.
+    folder, which is then noted in `losses`.
     """
     if not isinstance(stimulus, Image | Video | Panorama):
         return stimulus
     files_of_areas = [*names_of_areas(folder, stimulus.areas)] if stimulus.areas else []
     names = [stimulus.file, *files_of_areas]
     absences = [name for name in names if not (folder / name).is_file()]
-    gone.names.update(absences)
+    losses.names.update(absences)
     if not absences or not stimulus.areas:
         return stimulus
     try:
         names_in = named_function(AREA_NAMES, "reads the names of areas")
-        gone.area_names |= names_in(folder / stimulus.areas)
+        losses.area_names |= names_in(folder / stimulus.areas)
     except DesignError:  # the file is gone, or not to be read
-        gone.hides_areas = True
+        losses.hides_areas = True
     return replace(stimulus, areas="")

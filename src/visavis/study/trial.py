@@ -251,10 +251,10 @@ class TrialScript(HeardTrial):
         parts = parts_of(what)
         sounds, names, panorama = parts.sounds, parts.names, parts.panorama
         flats = tuple(map(self._with_seed, parts.flats))
-        folder, gone = self.settings.folder, self.settings.files_gone
-        if gone is not None:
-            flats = tuple(with_areas_there(flat, folder, gone) for flat in flats)
-            panorama = panorama and with_areas_there(panorama, folder, gone)
+        folder, losses = self.settings.folder, self.settings.files_gone
+        if losses is not None:
+            flats = tuple(with_areas_there(flat, folder, losses) for flat in flats)
+            panorama = panorama and with_areas_there(panorama, folder, losses)
         is_flat = not parts.is_empty
         window = window_of(reveal, window_deg, edge_deg, blur_deg)
         if window is not None and not flats and panorama is None:

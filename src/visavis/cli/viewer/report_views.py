@@ -40,10 +40,10 @@ def write_views(folder: Path, out_dir: Path, striking: Sequence[TrialToSee]) -> 
             try:
                 header, bundle = page_content(study, recording, trial_ids, lambda _, __: None)
             except DesignError as problem:  # a picture that was shown is gone
-                made, is_opened = "page", ""
+                what, ending = "page", ""
                 if path.is_file():
-                    made, is_opened = "new page", f"; the report opens {path.name} of before"
-                NOTIFIER.warn(f"no {made} of trials of {recording.path}: {problem}{is_opened}")
+                    what, ending = "new page", f"; the report opens {path.name} of before"
+                NOTIFIER.warn(f"no {what} of trials of {recording.path}: {problem}{ending}")
                 continue
             make_folder(out_dir / VIEWS, exist_ok=True)
             replace_file(path, page_of(header, bundle).encode())

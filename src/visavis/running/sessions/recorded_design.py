@@ -63,8 +63,8 @@ def _lengths(experiment: StudyExperiment) -> dict[str, Any]:
     """Return the entry with how long trials last: nothing in it where sounds play, whose files may
     lie elsewhere; no entry where a film is gone that would tell.
     """
-    read, gone = experiment.read.values(), experiment.files_gone
-    if gone is not None and gone.hides_lengths:
+    read, losses = experiment.read.values(), experiment.files_gone
+    if losses is not None and losses.hides_lengths:
         return {}
     seconds = sorted({round(t.seconds, 3) for t in read})
     return {"trials": {} if any(t.sounds for t in read) else {"seconds": seconds}}

@@ -41,12 +41,12 @@ MAX_ELBOW = np.radians(146.0)
 EASY_REACH = 0.93
 """Share of the arm's length that a hand at rest is away; straighter elbows cannot give way."""
 MAX_FOREARM_TWIST = np.radians(80.0)
-UNREACHED_TWIST = np.radians(120.0)
+FAR_TWIST = np.radians(120.0)
 """From here on a forearm's twist falls back to none, half a turn away."""
 MIN_WRIST = (np.radians(-36.0), np.radians(-70.0))
 MAX_WRIST = (np.radians(42.0), np.radians(80.0))
 """Limits of a left wrist: towards thumb and little finger, back and palm."""
-LEAST_SHARE = 1e-9
+MIN_SHARE = 1e-9
 """A hold of less weight is none."""
 FOREARM_SHARE = 0.5
 """Share of the forearm's twist at the elbow end; the rest is at the wrist."""
@@ -252,7 +252,7 @@ def _possible_twist(full: float) -> float:
     """Limit a forearm's twist (-pi to pi) to what forearms can do, without a seam at half a turn:
     who would have to turn the palm all round goes back through the middle.
     """
-    beyond = (abs(full) - UNREACHED_TWIST) / (np.pi - UNREACHED_TWIST)
+    beyond = (abs(full) - FAR_TWIST) / (np.pi - FAR_TWIST)
     most = MAX_FOREARM_TWIST * (1.0 - ease(beyond))
     return float(min(most, max(-most, full)))
 
@@ -378,7 +378,7 @@ def _arm(
         pole = plus(pole, scale_vector(rotate_vector(chest, _vector(a, p.POLE)), hold_share))
         for hold in range(2 * p.HOLDS):
             h = a[p.HOLD + hold * p.HOLD_SIZE : p.HOLD + (hold + 1) * p.HOLD_SIZE]
-            if h[0] <= LEAST_SHARE:
+            if h[0] <= MIN_SHARE:
                 continue
             axes = _axes_of(hold % p.HOLDS, side, chest, thigh_turn, world)
             origin = _origin_of(hold % p.HOLDS, side, chest_at, place)
@@ -399,12 +399,12 @@ def _arm(
         local = times(inverse(girdle), upper)
         whole, share, twist = times(upper, hinge), 0.0, 0.0
         wrist = (1.0, 0.0, 0.0, 0.0)
-        if free > LEAST_SHARE:
+        if free > MIN_SHARE:
             share, twist = free, free * a[p.PRONATION]
             wrist = _wrist_of(upper, hinge, along, a[p.PRONATION], times(whole, free_turn))
         for hold in range(2 * p.HOLDS):
             h = a[p.HOLD + hold * p.HOLD_SIZE : p.HOLD + (hold + 1) * p.HOLD_SIZE]
-            if h[0] <= LEAST_SHARE:
+            if h[0] <= MIN_SHARE:
                 continue
             axes = _axes_of(hold % p.HOLDS, side, chest, thigh_turn, world)
             fingers = unit_of(rotate_vector(axes, _vector(h, 4)), rotate_vector(hand, LEFT_X))
@@ -414,8 +414,8 @@ def _arm(
             # the largest twist stops before it reaches its direction.
             full_twist = twist_about(within, along)
             own_twist = _possible_twist(full_twist)
-            held = times(whole, times(about(along, own_twist - full_twist), within))
-            own_wrist = _wrist_of(upper, hinge, along, own_twist, held)
+            hand_there = times(whole, times(about(along, own_twist - full_twist), within))
+            own_wrist = _wrist_of(upper, hinge, along, own_twist, hand_there)
             wrist = mix_quats(wrist, own_wrist, h[0] / (share + h[0])) if share > 0.0 else own_wrist
             share, twist = share + h[0], twist + h[0] * own_twist
         twist /= share
