@@ -360,6 +360,32 @@ def test_every_canvas_has_a_name(tab: Any) -> None:
     assert "T04" in tab.evaluate("document.querySelector('#overlay').getAttribute('aria-label')")
 
 
+MARKS = """() => { const scene = viewer.sceneAt(viewer.t), [x, y, z] = scene.data.agents[0].at,
+    shown = {...viewer.show}, of = [[x, y, z + 0.5], [x, y, z - 0.5]], brightest = [];
+    Object.keys(shown).forEach(k => { viewer.show[k] = k === 'heat'; });
+    for (const from of [-2, 2]) { // behind them, then before them
+        viewer.free = {at: [x, y, z + from], yaw: from < 0 ? Math.PI : 0, pitch: 0};
+        viewer.setCamera('free');
+        for (const at of of) {
+            viewer.heatOf = scene.data.t0; viewer.heat = [{at, n: 1}]; viewer.most = 1;
+            viewer.draw();
+            const c = $('overlay'), p = viewer.over.getImageData(0, 0, c.width, c.height).data;
+            brightest.push(p.reduce((most, v, k) => k % 4 === 3 ? Math.max(most, v) : most, 0));
+        }
+    }
+    viewer.heatOf = null; Object.assign(viewer.show, shown); viewer.setCamera('eyes');
+    viewer.draw(); return brightest; }"""
+"""How opaque a spot of the map of gaze is, half a metre before and behind somebody, for a camera
+behind them and one before them."""
+
+
+def test_a_mark_behind_somebody_is_faint_from_where_one_looks(tab: Any) -> None:
+    behind, before, seen_before, seen_behind = tab.evaluate(MARKS)
+    assert before == seen_before
+    assert behind == seen_behind
+    assert behind < 0.3 * before
+
+
 @pytest.mark.slow  # axe-core
 def test_no_page_of_a_session_shuts_people_out(tab: Any) -> None:
     size = tab.viewport_size

@@ -185,7 +185,7 @@ PANEL = np.array([1.9, 1.7])
 def test_numbers_of_a_path_lie_over_no_other_and_each_is_there_once(
     points: list[tuple[float, float]], spread: float
 ) -> None:
-    right_deg, up_deg = np.array(points).T * [[1.0], [spread]]
+    right_deg, up_deg = np.round(np.array(points).T * [[1.0], [spread]], 3)
     with figure_style():
         figure = new_figure(*PANEL)
         axes = figure.subplots()

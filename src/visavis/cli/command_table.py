@@ -98,7 +98,7 @@ COMMANDS: Mapping[str, Entry] = {
     ),
     "gaze-map": Entry(
         "gaze_map",
-        "Draw how long people looked where on the scene, by condition, and where two differ.",
+        "Draw how long people looked where, by condition, and where conditions differ.",
     ),
     "replay": Entry(
         "replay",

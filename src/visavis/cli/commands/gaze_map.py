@@ -33,7 +33,7 @@ def gaze_map(
     peek: PeekOption = None,
     config: ConfigOption = None,
 ) -> None:
-    """Draw how long people looked where on the scene, by condition, and where conditions differ.
+    """Draw how long people looked where, by condition, and where conditions differ.
 
     Every pair of up to three conditions is compared; of more, the first two or those of --compare.
     Gaze ends on what was drawn: people, things, walls. The scene is that of one trial, from the

@@ -209,7 +209,7 @@ window.visavisTrial = (place, text) => Session.waiting.get(place)?.(text);
 
 // Which person's head or body, or which thing, a ray from an eye meets first: {kind, name, far}; null for none.
 // A body whose figure somebody else has, too, is told by its head alone.
-function metBy(scene, header, from, along) {
+function metBy(scene, header, from, along, largest = Infinity) {
   const figures = scene.data.cast.map(k => header.people[k].name);
   let best = null;
   const take = (far, key) => { if (far > 0.05 && (!best || far < best.far)) best = {...key, far}; };
@@ -221,8 +221,19 @@ function metBy(scene, header, from, along) {
     if (k < scene.data.cast.length && Math.hypot(root[0] - agent.at[0], root[2] - agent.at[2]) < 1)
       for (const share of [0, 0.35, 0.7]) take(throughBall(from, along, root.map((v, a) => v + share * (agent.at[a] - v)), 0.2), body);
   });
-  for (const [name, low, high] of header.rooms[scene.data.room].things) take(throughBox(from, along, low, high), {kind: 'thing', name});
+  for (const [name, low, high] of header.rooms[scene.data.room].things) if (low.every((v, k) => high[k] - v < largest)) take(throughBox(from, along, low, high), {kind: 'thing', name});
   return best;
+}
+
+const BEHIND_M = 0.3; // a mark lies on the surface of a head or body, which are told by balls within
+const LARGE_M = 3; // walls, floors and ceilings, which a camera may be outside of
+
+// Whether somebody, or a thing that is no wall, stands between a camera and a point.
+function isBehind(scene, header, from, point) {
+  const way = sub(point, from), far = Math.hypot(...way);
+  if (far < 1e-3) return false;
+  const met = metBy(scene, header, from, way.map(v => v / far), LARGE_M);
+  return !!met && met.far < far - BEHIND_M;
 }
 
 function throughBall(from, along, centre, radius) {

@@ -12,6 +12,7 @@ const MANY = 24; // of more people only those near enough are labelled
 const CLICK_PX = 4, NEAR_PX = 12;
 const CAMERAS = ['free', 'eyes', 'follow', 'above', 'topology'];
 const CEILING_M = 2.7;
+const FAINT = 0.2; // share of a mark's colour behind somebody or something
 const PERSON_M = 1.25; // around somebody's hips, with everything of them in it
 const SHARES = [1, 0.75, 0.5], ON_TIME_MS = 20, LATE_MS = 30;
 const AWAY_S = 2; // a pause of the browser this long was no slow picture: the page was not seen
@@ -369,8 +370,14 @@ class Viewer {
     g.font = `${12 * ratio}px system-ui, sans-serif`;
     g.textAlign = 'center';
     if (scene && scene.data.mark && light <= 0.5) this.dot(g, at(scene.data.mark), 3 * ratio, '#ddd');
-    if (this.show.heat && scene) this.drawHeat(g, scene, at, scale, ratio);
-    if (this.show.walked) for (const one of this.seen) this.drawWalked(g, one, at, ratio);
+    // What lies behind somebody or something, as the camera sees it, is faint.
+    const mark = p => {
+      const q = at(p);
+      if (q) q.share = scene && !scene.flat && isBehind(scene, this.content.header, view.at, p) ? FAINT : 1;
+      return q;
+    };
+    if (this.show.heat && scene) this.drawHeat(g, scene, mark, scale, ratio);
+    if (this.show.walked) for (const one of this.seen) this.drawWalked(g, one, mark, ratio);
     const named = [];
     if (this.show.areas && light > 0) agents.forEach((agent, k) => {
       const p = at(agent.at);
@@ -385,8 +392,8 @@ class Viewer {
     this.outlines = this.show.areas && scene?.flat ? scene.flat.areasAt(scene.row(t)) : [];
     for (const area of this.outlines) this.drawArea(g, area, at, ratio, this.seen.length === 1 && gaze?.valid && gaze.on === area.name, named, width, height);
     if (this.show.gaze && scene?.flat?.data.window) this.drawWindow(g, scene.flat, at, ratio);
-    if (this.show.path) for (const one of this.seen) this.drawPath(g, one, at, ratio);
-    for (const one of this.seen) if (trial) this.drawFixations(g, one, one.trialAt(t) || trial, at, scale, ratio, labels);
+    if (this.show.path) for (const one of this.seen) this.drawPath(g, one, mark, ratio);
+    for (const one of this.seen) if (trial) this.drawFixations(g, one, one.trialAt(t) || trial, mark, scale, ratio, labels);
     if (this.show.gaze) for (const one of this.seen) this.drawGaze(g, one, at, ratio, width, height, labels);
     // Whoever is looked at and the nearest come first: the others' labels make way.
     this.namedPeople = 0;
@@ -480,7 +487,7 @@ class Viewer {
     for (const point of one.walked(trial)) {
       const p = at(point.at);
       if (p && before) {
-        g.globalAlpha = point.t <= this.t ? 0.9 : 0.3;
+        g.globalAlpha = (point.t <= this.t ? 0.9 : 0.3) * p.share;
         g.beginPath(); g.moveTo(before[0], before[1]); g.lineTo(p[0], p[1]); g.stroke();
       }
       before = p;
@@ -490,7 +497,7 @@ class Viewer {
     if (one.walked(trial).length) for (const lane of one.header.lanes) for (const [from] of lane.spans) {
       const head = from >= trial.t0 && from < trial.t1 ? one.streams.headAt(from) : null, p = head && at([head.at[0], 0.01, head.at[2]]);
       if (!p) continue;
-      g.globalAlpha = from <= this.t ? 1 : 0.4;
+      g.globalAlpha = (from <= this.t ? 1 : 0.4) * p.share;
       this.dot(g, p, 5 * ratio, '#111');
       this.dot(g, p, 4 * ratio, LANE_COLOURS[lane.kind]);
       this.touches.push({x: p[0] / ratio, y: p[1] / ratio, t: from, text: `${this.sessions.length > 1 ? one.label + ': ' : ''}${lane.name} at ${(from - trial.t0).toFixed(2)} s`});
@@ -508,7 +515,7 @@ class Viewer {
     fixations.forEach((f, k) => {
       const p = at(f.at);
       if (!p) { before = null; return; }
-      g.globalAlpha = f.t0 <= this.t ? 0.95 : 0.3;
+      g.globalAlpha = (f.t0 <= this.t ? 0.95 : 0.3) * p.share;
       g.strokeStyle = g.fillStyle = one.colour;
       g.lineWidth = 1.5 * ratio;
       if (before) { g.beginPath(); g.moveTo(before[0], before[1]); g.lineTo(p[0], p[1]); g.stroke(); }
@@ -535,7 +542,7 @@ class Viewer {
     for (const sum of [...sums.values()].sort((a, b) => b.s - a.s)) {
       const p = at(sum.at.map(v => v / sum.s));
       if (!p) continue;
-      g.globalAlpha = 0.4;
+      g.globalAlpha = 0.4 * p.share;
       g.fillStyle = one.colour;
       g.beginPath(); g.arc(p[0], p[1], 18 * ratio * Math.sqrt(sum.s), 0, 7); g.fill();
       g.globalAlpha = 1;
@@ -569,8 +576,10 @@ class Viewer {
       paint.addColorStop(0, `rgba(255,${Math.round(60 + 150 * share)},30,${0.08 + 0.5 * share})`);
       paint.addColorStop(1, 'rgba(255,60,0,0)');
       g.fillStyle = paint;
+      g.globalAlpha = p.share;
       g.fillRect(p[0] - r, p[1] - r, 2 * r, 2 * r);
     }
+    g.globalAlpha = 1;
     g.globalCompositeOperation = 'source-over';
   }
 
@@ -582,7 +591,7 @@ class Viewer {
       const p = f && at(f.at);
       if (p && before) {
         g.strokeStyle = this.sessions.length > 1 ? one.colour : '#78dcff';
-        g.globalAlpha = 0.15 + 0.8 * k / points.length;
+        g.globalAlpha = (0.15 + 0.8 * k / points.length) * p.share;
         g.beginPath(); g.moveTo(before[0], before[1]); g.lineTo(p[0], p[1]); g.stroke();
       }
       before = p;
