@@ -110,6 +110,12 @@ def test_presence_and_embodiment_are_asked_after_every_block(intake):
     assert {"age", "gender"} <= set(intake[0].person)
 
 
+def test_exchanges_of_time_with_bands_are_no_events_but_stand_with_their_commands(recording):
+    events = recording.events()
+    payloads = events.loc[events["name"] == "clock_exchanges", "payload"]
+    assert [] == [payload["role"] for payload in payloads]
+
+
 def test_a_study_without_gaze_is_not_asked_for_a_calibration(recording):
     subjects = {f.subject for f in check_session(recording).findings}
     assert "recording" in subjects
